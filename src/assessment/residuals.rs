@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_out_is_above_the_limit() {
+    fn outliers_are_above_the_limit() {
         assert_eq!(limit(vec![0.01, 0.01, 0.5]), f32::INFINITY);
         let limit_of = |values: &[f32]| limit(values.to_vec());
         assert!(limit_of(&[0.02, 0.021, 0.019, 0.2]) < 0.1);

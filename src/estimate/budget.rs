@@ -108,8 +108,8 @@ impl Shown {
         Self { values: (0..CHANNELS).flat_map(texels).collect() }
     }
 
-    /// Root mean square difference of maps of one size in the channel with the largest, relative to the
-    /// visible difference: a change below 1 is invisible.
+    /// Largest root mean square difference of a channel between maps of one size, in units of the visible
+    /// difference.
     pub(crate) fn visible_change(&self, other: &Self) -> f32 {
         let texels = self.values.len() / CHANNELS;
         let rms = |(a, b): (&[f32], &[f32])| {
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_of_one_grey_level_is_seen_and_a_quarter_is_not() {
+    fn one_grey_level_is_visible_and_a_quarter_is_not() {
         for (c, size) in (0..CHANNELS).flat_map(|c| [(c, 16), (c, 256)]) {
             let a = Svbrdf::new(size, size);
             for (levels, seen) in [(1.0, true), (0.25, false)] {
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn change_is_predicted_from_the_rates_left() {
+    fn change_is_predicted_from_the_remaining_rates() {
         assert_eq!(predicted_change(1.0, 30, 30), 0.0);
         // Half way the rate is one half, and the rest of the cosine sums to 15 (1/2 - 1/pi).
         let left = predicted_change(1.0, 15, 30);

@@ -108,20 +108,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clouds_far_apart_are_found_and_shared_softly_between() {
+    fn points_between_distant_clusters_belong_to_both() {
         let clouds = [[0.1, 0.2, 0.3], [0.8, 0.7, 0.6], [0.1, 0.9, 0.1]];
         let samples: Vec<Feature> = (0..300)
             .map(|i| clouds[i % 3].map(|v| v + 0.006 * ((i % 7) as f32 - 3.0) / 3.0))
             .collect();
-        let found = Clusters::find(&samples, 8, Some(0.05));
-        assert_eq!(found.len(), 3);
+        let clusters = Clusters::find(&samples, 8, Some(0.05));
+        assert_eq!(clusters.len(), 3);
         let mut all = [0.0; 3];
-        let between = std::array::from_fn(|c| 0.5 * (found.centres[0][c] + found.centres[1][c]));
-        found.shares(&between, &mut all);
+        let between =
+            std::array::from_fn(|c| 0.5 * (clusters.centres[0][c] + clusters.centres[1][c]));
+        clusters.shares(&between, &mut all);
         assert!((all[0] - 0.5).abs() < 1e-3 && (all[1] - 0.5).abs() < 1e-3, "{all:?}");
-        let mut found = found.centres;
-        found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        for (a, b) in found.iter().zip([clouds[0], clouds[2], clouds[1]]) {
+        let mut clusters = clusters.centres;
+        clusters.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        for (a, b) in clusters.iter().zip([clouds[0], clouds[2], clouds[1]]) {
             assert!(distance(a, &b) < 1e-4, "{a:?} {b:?}");
         }
         assert_eq!(Clusters::find(&samples, 1, None).len(), 1);

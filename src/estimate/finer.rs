@@ -161,7 +161,7 @@ mod tests {
     const SIDE: usize = 64;
 
     #[test]
-    fn detail_between_the_texels_comes_back_with_its_colour() {
+    fn detail_between_coarse_texels_follows_colour() {
         let truth = two_tones(SIDE);
         let mut flat = truth.clone();
         for c in [channel::SLOPE_X, channel::SLOPE_Y] {
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn texels_that_were_kept_keep_their_interpolated_values() {
+    fn interpolation_keeps_the_strided_texels() {
         let truth = two_tones(SIDE);
         for times in 1..4 {
             let fine = interpolated(&truth.strided(times), times);

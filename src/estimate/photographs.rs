@@ -33,7 +33,7 @@ pub(crate) struct Photographs {
     working_texels: usize,
     /// Strided photographs for the phases, if the full ones are larger.
     strided: Option<Box<Self>>,
-    /// Averages of strided photographs' texels, for the latent code.
+    /// Averages for the latent code, if photographs are strided.
     averaged: Vec<Observation>,
 }
 
@@ -205,15 +205,15 @@ impl Photographs {
     }
 
     /// Photographs that a step sees: all, or the latest third and an evenly spaced subset of the others,
-    /// which rotates with `turn`.
-    pub fn subset(&self, turn: usize) -> Vec<usize> {
+    /// which shifts with `round`.
+    pub fn subset(&self, round: usize) -> Vec<usize> {
         let (count, latest) = (self.len(), self.at_once.div_ceil(3));
         if count <= self.at_once {
             return (0..count).collect();
         }
         let (earlier, others) = (count - latest, self.at_once - latest);
         let mut subset: Vec<usize> =
-            (0..others).map(|i| (turn + i * earlier / others) % earlier).collect();
+            (0..others).map(|i| (round + i * earlier / others) % earlier).collect();
         subset.sort_unstable();
         subset.extend(earlier..count);
         subset
@@ -406,8 +406,8 @@ mod tests {
         for count in 1..60 {
             photographs.add(photograph(8, 8, 0.5)).unwrap();
             let mut seen = vec![false; count];
-            for turn in 0..count {
-                let subset = photographs.subset(turn);
+            for round in 0..count {
+                let subset = photographs.subset(round);
                 assert_eq!(subset.len(), count.min(12));
                 assert!(subset.is_sorted_by(|a, b| a < b));
                 assert!((count.saturating_sub(4)..count).all(|i| subset.contains(&i)));

@@ -60,8 +60,8 @@ impl Estimation {
         let times = halvings(maps.width(), maps.height());
         let seen = seen.iter().map(|o| halved(o, times, Observation::downsampled)).collect();
         let maps = halved(&maps, times, Svbrdf::downsampled);
-        for (index, found) in which.into_iter().zip(find(&maps, seen, &self.options.noise)?) {
-            self.photographs.mask(index, found);
+        for (index, outliers) in which.into_iter().zip(find(&maps, seen, &self.options.noise)?) {
+            self.photographs.mask(index, outliers);
         }
         Ok(())
     }
@@ -93,11 +93,11 @@ fn find(
     options: &NoiseOptions,
 ) -> Result<Vec<Option<Contradiction>>> {
     let size = [maps.width(), maps.height()];
-    let mut found: Vec<Option<Contradiction>> = vec![None; photographs.len()];
+    let mut outliers: Vec<Option<Contradiction>> = vec![None; photographs.len()];
     for index in otherwise_lit(&photographs) {
         let whole = Contradiction::whole(size);
         photographs[index] = whole.taken_from(&photographs[index]);
-        found[index] = Some(whole);
+        outliers[index] = Some(whole);
     }
     let mut all: Deviations = deviations(maps, &photographs, options)?;
     for _ in 0..2 * photographs.len() {
@@ -120,8 +120,8 @@ fn find(
             all.forget(&region.cells);
             continue;
         };
-        found[index].get_or_insert_with(|| Contradiction::none(size)).add(&single);
+        outliers[index].get_or_insert_with(|| Contradiction::none(size)).add(&single);
         (photographs, all) = (without, after.without_forgotten(&all));
     }
-    Ok(found)
+    Ok(outliers)
 }

@@ -73,7 +73,7 @@ fn regions(cells: &[Option<Deviation>], size: [usize; 2]) -> Vec<Region> {
             .is_some_and(|d| d.sigmas > sigmas && d.log.abs().max(BY_SIGMAS * d.sigmas) > log)
     };
     let mut seen = vec![false; cells.len()];
-    let mut found = Vec::new();
+    let mut out = Vec::new();
     for start in 0..cells.len() {
         if seen[start] || !beyond(start, CLEAR) {
             continue;
@@ -93,10 +93,10 @@ fn regions(cells: &[Option<Deviation>], size: [usize; 2]) -> Vec<Region> {
         let count = members.iter().filter(|member| **member).count() as f32;
         let all = cells.len() as f32;
         if clear.len() as f32 >= SHARE_MIN.0 * all && count >= SHARE_MIN.1 * all {
-            found.push(region(cells, &members, clear, size));
+            out.push(region(cells, &members, clear, size));
         }
     }
-    found
+    out
 }
 
 fn region(

@@ -79,7 +79,7 @@ fn start(maps: &Svbrdf) -> Svbrdf {
     start
 }
 
-fn found(
+fn outliers(
     maps: &Svbrdf,
     count: usize,
     change: impl Fn(usize, [f32; 2], f32) -> f32,
@@ -88,17 +88,17 @@ fn found(
 }
 
 #[test]
-fn photographs_that_agree_are_left_alone() {
+fn photographs_that_agree_have_no_outliers() {
     for (name, maps) in materials() {
         for count in 3..8 {
-            let found = found(&maps, count, |_, _, v| v);
-            assert!(found.iter().all(Option::is_none), "{name}, {count}: {found:?}");
+            let outliers = outliers(&maps, count, |_, _, v| v);
+            assert!(outliers.iter().all(Option::is_none), "{name}, {count}: {outliers:?}");
         }
     }
 }
 
 #[test]
-fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
+fn a_hand_sun_and_a_shadow_are_outlier_regions() {
     let (from, to) = ([0.55, 0.1], [0.95, 0.6]);
     let inside = |at: [f32; 2]| (0..2).all(|k| from[k] < at[k] && at[k] < to[k]);
     let hand = |_: f32| 0.3_f32;
@@ -109,13 +109,14 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
             [("hand", &hand as &dyn Fn(f32) -> f32), ("sun", &sun), ("shadow", &shadow)]
         {
             for (count, bad) in [(4, 1), (5, 3), (7, 2)] {
-                let found = found(
-                    &maps,
-                    count,
-                    |i, at, v| if i == bad && inside(at) { change(v) } else { v },
-                );
+                let outliers =
+                    outliers(
+                        &maps,
+                        count,
+                        |i, at, v| if i == bad && inside(at) { change(v) } else { v },
+                    );
                 let what = format!("{name}, {fault} in photo {bad} of {count}");
-                let parts: Vec<Option<Part>> = found
+                let parts: Vec<Option<Part>> = outliers
                     .iter()
                     .map(|f| f.as_ref().and_then(Contradiction::largest_part))
                     .collect();
@@ -126,7 +127,7 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
                 if matches!(name, "dark" | "metal") {
                     continue;
                 }
-                let Some(part) = parts[bad] else { panic!("{what}: nothing found") };
+                let Some(part) = parts[bad] else { panic!("{what}: no outlier") };
                 assert!((part.centre[0] - 0.75).abs() < 0.1, "{what}: {part:?}");
                 assert!((part.centre[1] - 0.35).abs() < 0.1, "{what}: {part:?}");
                 assert!((part.share - 0.2).abs() < 0.08, "{what}: {part:?}");
@@ -136,7 +137,7 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
 }
 
 #[test]
-fn a_board_in_another_light_leaves_its_photograph_out() {
+fn a_photograph_with_another_light_is_left_out() {
     let maps = &materials()[0].1;
     let sigmas = |sigmas: [f32; 4]| {
         let mut all = photographs(maps, 4, |_, _, v| v);
@@ -152,7 +153,7 @@ fn a_board_in_another_light_leaves_its_photograph_out() {
 }
 
 #[test]
-fn what_was_found_is_left_out_with_its_border() {
+fn outlier_cells_have_weight_zero() {
     let mut whole = Contradiction::none([2, 2]);
     whole.cells[1] = true;
     let photograph = Observation::new(4, 4, view(0), &[0.5; 48], &[1.0; 16]).unwrap();

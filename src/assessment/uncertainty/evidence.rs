@@ -189,10 +189,10 @@ impl Evidence {
             parallel::values(texels, |t| {
                 let terms = self.terms(map, t);
                 let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
-                let found = sum.exp();
+                let sigma = sum.exp();
                 // The calibration does not cover unseen texels: the prior's sigma is added.
                 let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
-                found.hypot(prior).clamp(LEAST, MOST[map])
+                sigma.hypot(prior).clamp(LEAST, MOST[map])
             })
         });
         Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())

@@ -1,8 +1,12 @@
 //! Elimination of eight texels' coordinates from the normal equations (Schur complement).
 //!
-//! Texels `x` and shared unknowns `y` satisfy `[A B; Bᵀ C] [dx; dy] = -[g; h]`. `A` has a 9x9 block per
-//! texel, factored as `L Lᵀ`. With `own = L⁻¹ g` and `columns = L⁻¹ B`, the reduced equations are `(C −
-//! columnsᵀ columns) dy = -(h − columnsᵀ own)`, and `dx = -L⁻ᵀ (own + columns dy)`.
+//! For texels `x` and shared unknowns `y`, with a 9x9 block of `A` per texel:
+//!
+//! ```text
+//! [A B; Bᵀ C] [dx; dy] = -[g; h],   A = L Lᵀ,   own = L⁻¹ g,   columns = L⁻¹ B
+//! (C − columnsᵀ columns) dy = -(h − columnsᵀ own)          the reduced equations
+//! dx = -L⁻ᵀ (own + columns dy)
+//! ```
 //!
 //! Single precision suffices: sums over tasks are in double precision, and a step must lower the cost.
 

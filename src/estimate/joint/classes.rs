@@ -16,12 +16,12 @@ pub(in crate::estimate) fn classes(
     let which: Vec<usize> = (0..photographs.len()).collect();
     let clusters = clusters(&sample.colours(&which), &options.joint);
     let colours = full_colours(photographs);
-    let found = parallel::values(colours.len(), |t| clusters.nearest(&colours[t]));
+    let nearest = parallel::values(colours.len(), |t| clusters.nearest(&colours[t]));
     let mut sizes = vec![0_usize; clusters.len()];
-    found.iter().for_each(|class| sizes[*class] += 1);
+    nearest.iter().for_each(|class| sizes[*class] += 1);
     let mut by_size: Vec<usize> = (0..sizes.len()).collect();
     by_size.sort_by_key(|class| std::cmp::Reverse(sizes[*class]));
     let mut rank = vec![0_u8; sizes.len()];
     by_size.iter().zip(0..).for_each(|(class, place)| rank[*class] = place);
-    found.into_iter().map(|class| rank[class]).collect()
+    nearest.into_iter().map(|class| rank[class]).collect()
 }

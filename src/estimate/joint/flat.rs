@@ -55,7 +55,7 @@ mod tests {
 
     /// Removes tilt and bow of a sheet and keeps its relief.
     #[test]
-    fn shape_goes_and_relief_stays() {
+    fn flattening_removes_shape_and_keeps_relief() {
         let (width, height) = (96, 64);
         let mut maps = Svbrdf::new(width, height);
         let relief = |x: usize, y: usize| 0.1 * (0.9 * x as f32).sin() * (1.3 * y as f32).cos();

@@ -90,18 +90,18 @@ fn exposure_and_flash_are_estimated() {
     for exposure in [planted(), LightCorrection::default()] {
         let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
         let map_state = fit(&mut photographs, one_class(), true);
-        let found = &photographs.correction().exposure;
-        for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
+        let estimated = &photographs.correction().exposure;
+        for (a, b) in estimated.offset_mm.iter().zip(exposure.offset_mm).take(2) {
             // An angle of 0.1 degrees is 0.25 mm at this distance.
-            assert!((a - b).abs() < 1.5, "{found:?}");
+            assert!((a - b).abs() < 1.5, "{estimated:?}");
         }
         let logs = |exposure: &LightCorrection| -> Vec<f64> {
             let all: Vec<f64> = (0..6).map(|i| exposure.factor(&given(i), Some(i)).ln()).collect();
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             all.into_iter().map(|v| v - mean).collect()
         };
-        for (a, b) in logs(found).iter().zip(logs(&exposure)) {
-            assert!((a - b).abs() < 0.03, "{found:?}");
+        for (a, b) in logs(estimated).iter().zip(logs(&exposure)) {
+            assert!((a - b).abs() < 0.03, "{estimated:?}");
         }
         let roughness = map_state.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
@@ -129,11 +129,16 @@ fn wrong_lights_are_corrected() {
     };
     let (truth, as_given) = (places(&planted), places(&Correction::default()));
     fit(&mut photographs, one_class(), false);
-    let found = places(photographs.correction());
+    let estimated = places(photographs.correction());
     let error = |places: &[glam::Vec3]| -> f32 {
         places.iter().zip(&truth).map(|(a, b)| a.angle_between(*b).powi(2)).sum::<f32>().sqrt()
     };
-    assert!(error(&found) < 0.5 * error(&as_given), "{} {}", error(&found), error(&as_given));
+    assert!(
+        error(&estimated) < 0.5 * error(&as_given),
+        "{} {}",
+        error(&estimated),
+        error(&as_given)
+    );
     let ambient = photographs.correction().ambient;
     assert!((ambient - 0.05).abs() < 0.025, "{ambient}");
 }
@@ -185,8 +190,8 @@ fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
         let prior = chosen(&photographs, &material(0.0));
         let expected = [lobes == Some(brushed), lobes == Some(coated)];
         assert_eq!([prior.anisotropic, prior.coated], expected, "{seed}: {prior:?}");
-        let found = fit(&mut photographs, prior, true).mean;
-        let value = |i: usize| found.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
+        let estimated = fit(&mut photographs, prior, true).mean;
+        let value = |i: usize| estimated.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
         for (i, expected) in lobes.unwrap_or(NO_LOBES).into_iter().enumerate() {
             // The roughness of an absent coat is arbitrary.
             if i != lobe::COAT_ROUGHNESS || lobes == Some(coated) {
@@ -209,14 +214,14 @@ fn the_prior_is_a_mean_weighted_by_predictions() {
     choice.errors.fill(0.01);
     let slopes = candidates.iter().map(|prior| prior.slope.ln()).sum::<f64>();
     let mean = (slopes / candidates.len() as f64).exp();
-    let found = choice.chosen().unwrap();
-    assert!((found.slope / mean - 1.0).abs() < 1e-9);
-    assert!((found.relief - 3.0 / 4.0).abs() < 1e-9, "{found:?}");
+    let estimated = choice.chosen().unwrap();
+    assert!((estimated.slope / mean - 1.0).abs() < 1e-9);
+    assert!((estimated.relief - 3.0 / 4.0).abs() < 1e-9, "{estimated:?}");
     let (folds, better) = (choice.folds.len(), 2);
     choice.errors[better * folds..][..folds].fill(0.004);
-    let found = choice.chosen().unwrap();
-    assert_eq!(found.relief, 1.0);
-    assert!((found.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{found:?}");
+    let estimated = choice.chosen().unwrap();
+    assert_eq!(estimated.relief, 1.0);
+    assert!((estimated.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{estimated:?}");
 }
 
 /// Predictions end when no further one can change the choice. Random tables of all errors give the expected
@@ -288,7 +293,7 @@ fn classes_and_own_deviations_sum_to_the_estimate() {
     }
     let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4], lobes: None };
     let maps = gloss.maps(&estimate, Some(1.0), &photographs);
-    for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
-        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    for (estimated, expected) in maps.planes().iter().zip(estimate.planes()) {
+        assert!((estimated - expected).abs() < 1e-5, "{estimated} {expected}");
     }
 }

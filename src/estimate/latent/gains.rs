@@ -207,7 +207,7 @@ mod tests {
     use crate::estimate::latent::tests::{SIDE, TOP, material, photograph};
 
     #[test]
-    fn the_gradient_is_that_of_finite_differences() {
+    fn the_gradient_matches_finite_differences() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
         let mut problem = Problem::new(&truth, &observations);
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_scale_of_everything_is_put_right() {
+    fn gains_correct_wrong_scales() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
         let mut problem = Problem::new(&truth, &[]);

@@ -63,7 +63,7 @@ impl Fit {
 }
 
 #[test]
-fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
+fn the_fit_starts_at_the_start_maps_and_lowers_the_loss() {
     let networks = networks();
     let truth = material(64);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
@@ -96,7 +96,7 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
 }
 
 #[test]
-fn the_same_steps_give_the_same_bits_whatever_the_threads() {
+fn results_repeat_for_any_number_of_threads() {
     let networks = networks();
     let truth = material(64);
     let top = photograph(&truth, TOP);
@@ -115,7 +115,7 @@ fn the_same_steps_give_the_same_bits_whatever_the_threads() {
 }
 
 #[test]
-fn photographs_that_were_not_fitted_bring_their_steps_along() {
+fn unfitted_photographs_add_their_steps() {
     let truth = material(32);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     // None begins anew.
@@ -167,7 +167,7 @@ fn sizes_that_do_not_fit_are_errors() {
 }
 
 #[test]
-fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
+fn photographs_during_a_fit_add_their_steps() {
     let networks = networks();
     let truth = material(32);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
@@ -186,7 +186,7 @@ fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
 
 /// Detail that averages hide stays the start's.
 #[test]
-fn averages_move_and_the_detail_of_the_start_stays() {
+fn steps_move_averages_and_keep_detail() {
     let networks = networks();
     let truth = material(256);
     let [top, side] = [TOP, SIDE].map(|place| photograph(&truth, place));
@@ -224,7 +224,7 @@ fn averages_move_and_the_detail_of_the_start_stays() {
 
 /// The third begins from what all three say, whatever the fits before it have found.
 #[test]
-fn with_three_photographs_the_code_forgets_how_they_came() {
+fn the_third_photograph_restarts_the_code() {
     let networks = networks();
     let truth = material(64);
     let places = [TOP, SIDE, [-40.0, 45.0, 100.0]];
@@ -246,7 +246,7 @@ fn with_three_photographs_the_code_forgets_how_they_came() {
 }
 
 #[test]
-fn a_saved_fit_goes_on_to_the_same_bits() {
+fn a_restored_fit_continues_with_the_same_bits() {
     let networks = networks();
     let truth = material(64);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));

@@ -157,16 +157,16 @@ fn clean_photographs_are_explained() {
 fn the_scale_of_noise_is_estimated() {
     let truth = truth(32, 4);
     let start = perturbed(&truth, SIGMA, 5);
-    let found = |count, sigma| {
+    let estimated = |count, sigma| {
         let photographs = photographs(&truth, count, sigma, 6);
         mean_noise(&run(&start, &photographs).1)
     };
     for sigma in [0.02, 0.05] {
-        let (noise, expected) = (found(12, sigma), sigma * (2.0 / PI).sqrt());
+        let (noise, expected) = (estimated(12, sigma), sigma * (2.0 / PI).sqrt());
         assert!((noise / expected - 1.0).abs() < 0.2, "{noise}, expected {expected}");
     }
-    assert!(found(12, 0.0) < 0.004);
-    let noise = found(2, 0.01);
+    assert!(estimated(12, 0.0) < 0.004);
+    let noise = estimated(2, 0.01);
     assert!((noise / NoiseOptions::default().expected - 1.0).abs() < 0.2, "{noise}");
 }
 
@@ -176,7 +176,7 @@ fn the_scale_of_noise_is_estimated() {
 fn a_noisier_colour_counts_less() {
     let truth = truth(32, 4);
     let start = perturbed(&truth, SIGMA, 5);
-    let found = |sigmas: [f32; 3]| {
+    let estimated = |sigmas: [f32; 3]| {
         let mut r = noise(7);
         let photographs: Vec<_> = photographs(&truth, 12, 0.0, 6)
             .into_iter()
@@ -192,8 +192,8 @@ fn a_noisier_colour_counts_less() {
         let (maps, summary, _) = run(&start, &photographs);
         (errors(&maps, &truth)[0], summary.noise)
     };
-    let (mixed, noise) = found([0.08, 0.01, 0.08]);
-    let (even, _) = found([0.01; 3]);
+    let (mixed, noise) = estimated([0.08, 0.01, 0.08]);
+    let (even, _) = estimated([0.01; 3]);
     for c in [0, 2] {
         assert!(noise[c] > 2.5 * noise[1], "{noise:?}");
     }
@@ -231,11 +231,11 @@ fn bumpier_slopes_than_expected_are_estimated() {
     let slopes = |prior: &Prior| errors(&run_with(prior, &start, &photos, 8).0, &truth)[0];
     let mut narrow = known;
     narrow.sigma[..2].fill(SIGMA);
-    let (found, best) = (slopes(&narrow), slopes(&known));
-    assert!(found < 1.1 * best, "{found} {best}");
+    let (estimated, best) = (slopes(&narrow), slopes(&known));
+    assert!(estimated < 1.1 * best, "{estimated} {best}");
     // A narrower prior, which cannot widen this far, shows the value of widening.
     narrow.sigma[..2].fill(SIGMA / MAX_WIDENING);
-    assert!(found < 0.8 * slopes(&narrow), "{found} {}", slopes(&narrow));
+    assert!(estimated < 0.8 * slopes(&narrow), "{estimated} {}", slopes(&narrow));
 }
 
 /// One photograph does not determine nine parameters: the others stay at the start.
@@ -342,11 +342,11 @@ fn explained_saturation_does_not_pull() {
     // Radiances err by up to 1/1024, on average by a third of that.
     assert!(before < 4e-4 && summary.loss < 4e-4, "{summary:?}");
     let (unclipped, ..) = run(&truth, &photographs(&truth, 4, 0.0, 17));
-    let (found, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
+    let (estimated, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
     // Rounding moves both; clipped photographs determine less.
     assert!(
-        found.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
-        "{found:?} {whole:?}"
+        estimated.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
+        "{estimated:?} {whole:?}"
     );
 }
 
