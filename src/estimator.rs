@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::assessment::{Evidence, Place};
 use crate::estimate::{
-    Addition, Budget, EstimateOptions, Estimation, FitRecord, LightCorrection, Meter, Method,
-    PhaseReport, Step, Task, first_maps,
+    Budget, EstimateOptions, Estimation, FitRecord, LightCorrection, Meter, Method, PhaseReport,
+    Step, Task, first_maps,
 };
 use crate::networks::Networks;
 use crate::observation::Observation;
@@ -70,7 +70,7 @@ impl Estimator {
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
         };
-        self.estimation.add(Addition::new(observation), start.as_ref())
+        self.estimation.add(observation, false, start.as_ref())
     }
 
     /// Estimated exposure of each photograph and offset of the flash.

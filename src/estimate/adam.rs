@@ -1,29 +1,21 @@
-//! Adam (Kingma and Ba 2015) with moments that survive a new photograph.
+//! Adam (Kingma and Ba 2015).
 
 use crate::parallel;
-use serde::{Deserialize, Serialize};
 
 /// Values that one task updates.
 const CHUNK: usize = 1 << 14;
 
 /// First and second moments of the gradient, and how many steps they have seen.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam {
-    #[serde(with = "crate::little_endian")]
-    pub first: Vec<f32>,
-    #[serde(with = "crate::little_endian")]
-    pub second: Vec<f32>,
+    first: Vec<f32>,
+    second: Vec<f32>,
     pub steps: i32,
 }
 
 impl Adam {
     pub fn new(length: usize) -> Self {
         Self { first: vec![0.0; length], second: vec![0.0; length], steps: 0 }
-    }
-
-    /// Whether moments are as many as this.
-    pub fn fits(&self, length: usize) -> bool {
-        [&self.first, &self.second].iter().all(|moments| moments.len() == length)
     }
 
     /// Moves `values` against `gradient`, at most about `rate` per element.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::budget::Meter;
-use super::correction::LightCorrection;
+use super::correction::{Correction, LightCorrection};
 use super::finer::interpolated;
 use super::joint;
 use super::latent::LatentFit;
@@ -42,23 +42,6 @@ pub struct Step {
     pub done: bool,
 }
 
-/// A photograph for an estimate, and what it changes about earlier ones.
-#[derive(Debug, Clone)]
-pub(crate) struct Addition<I> {
-    pub observation: Observation,
-    /// Earlier ones rectified better, by their indices; views are as given.
-    pub replaced: I,
-    /// Whether these lie so far elsewhere now that the maps so far are no start any more.
-    pub restart: bool,
-}
-
-impl Addition<[(usize, Observation); 0]> {
-    /// One that changes nothing about others.
-    pub fn new(observation: Observation) -> Self {
-        Self { observation, replaced: [], restart: false }
-    }
-}
-
 /// Where an estimate is, with the maps that it shows there.
 pub(super) enum Stage {
     /// Nothing is left to do; no maps before the first photograph.
@@ -87,6 +70,8 @@ pub(crate) struct Estimation {
     pub(super) stage: Stage,
     pub(super) loss: f32,
     fraction: f32,
+    /// The correction that the latest fit began with, and the maps of the baseline.
+    pub(super) begun_with: (Correction, Option<Svbrdf>),
     /// What ended it before its time.
     pub(super) early_stop: Option<EarlyStop>,
     /// Phases of the photographs so far that have ended.
@@ -109,6 +94,7 @@ impl Estimation {
             stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
+            begun_with: Default::default(),
             early_stop: None,
             reports: Vec::new(),
             keep_record: false,
@@ -184,20 +170,33 @@ impl Estimation {
         self.loss
     }
 
-    /// Takes a photograph, the first with the maps to start from; [`Estimation::start`] begins its fit.
+    /// A photograph with its view as given.
+    pub fn observation(&self, index: usize) -> Observation {
+        let mut observation = self.photographs.unmasked(index);
+        observation.view = self.photographs.given()[index];
+        observation
+    }
+
+    /// Replaces a photograph by a better rectified one. [`Estimation::add`] must follow.
+    ///
+    /// # Errors
+    /// When its size is another.
+    pub fn replace(&mut self, index: usize, observation: Observation) -> Result<()> {
+        self.settle(None);
+        self.photographs.replace(index, observation)
+    }
+
+    /// Takes a photograph as [`Estimation::add`] does; [`Estimation::start`] begins its fit.
     ///
     /// # Errors
     /// When sizes differ, or the first has no start.
     pub(crate) fn take(
         &mut self,
-        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        observation: Observation,
+        restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        let Addition { observation, replaced, restart } = addition;
         self.settle(None);
-        for (index, observation) in replaced {
-            self.photographs.replace(index, observation)?;
-        }
         if let Some(start) = start {
             self.stage = Stage::Settled(Some(start.clone()));
         }
@@ -259,6 +258,7 @@ impl Estimation {
         let Stage::Settled(maps) = &mut self.stage else { return };
         // The baseline goes on with the maps, all others with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
+        self.begun_with = (self.photographs.correction().clone(), maps.clone());
         let map_state = maps.map(|maps| MapState::new(maps, &self.options));
         let coarse = self.photographs.stride_log2() > 0;
         let schedule = Schedule::new(self.task, self.photographs.len(), coarse);

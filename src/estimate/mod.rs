@@ -67,7 +67,7 @@ pub(crate) use budget::Meter;
 pub use coordinates::coordinates;
 pub use correction::{Correction, LightCorrection};
 pub use estimation::Step;
-pub(crate) use estimation::{Addition, Estimation, first_maps};
+pub(crate) use estimation::{Estimation, first_maps};
 pub(crate) use memory::bytes_needed;
 pub(crate) use noise::Noise;
 pub use options::EstimateOptions;

@@ -11,7 +11,7 @@ mod regions;
 
 use self::left_out::{Deviations, deviations};
 use crate::estimate::options::NoiseOptions;
-use crate::estimate::{Addition, Contradiction, Estimation};
+use crate::estimate::{Contradiction, Estimation};
 use crate::observation::Observation;
 use crate::svbrdf::halved;
 use crate::{Error, Result, Svbrdf};
@@ -29,16 +29,19 @@ const SQUARES: (f32, f32) = (4.0, 0.01);
 const CONTRADICTION_FROM: usize = 3;
 
 impl Estimation {
-    /// Adds a photograph and masks outlier regions. The first photograph comes with the maps to start from.
+    /// Adds a photograph, the first with the maps to start from, without its parts that contradict the others.
+    /// `restart`: earlier ones were replaced ([`Estimation::replace`]) by others that lie so far elsewhere that the
+    /// maps so far are no start any more.
     ///
     /// # Errors
     /// When sizes differ, the first has no start, or a network is broken.
     pub fn add(
         &mut self,
-        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        observation: Observation,
+        restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        self.take(addition, start)?;
+        self.take(observation, restart, start)?;
         self.mask_contradictions()?;
         self.start(start)
     }

@@ -9,7 +9,6 @@ use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, encoding};
 use crate::{Error, Result, Svbrdf};
-use serde::{Deserialize, Serialize};
 
 /// Decay of Adam's moments.
 const BETAS: [f32; 2] = [0.9, 0.99];
@@ -96,44 +95,6 @@ impl Code {
             Some(tools) => Ok(tools),
             None => Tools::new(networks, &self.maps, self.values.len()),
         }
-    }
-
-    /// What [`Code::restore`] needs.
-    pub fn save(&self) -> SavedCode {
-        SavedCode {
-            code: self.values.clone(),
-            adam: self.adam.clone(),
-            anchor: self.anchor.clone(),
-            deviation: self.deviation,
-            detail: self.detail.clone(),
-            maps: self.maps.clone(),
-            stale: self.stale,
-        }
-    }
-
-    /// Goes on from what was saved. Code and moments mean nothing to other networks than theirs:
-    /// without `same_networks` the maps are encoded anew.
-    pub fn restore(networks: &Networks, saved: SavedCode, same_networks: bool) -> Result<Self> {
-        let SavedCode { code, adam, anchor, deviation, detail, maps, stale } = saved;
-        if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
-            return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
-        }
-        if !deviation.is_finite() || adam.second.iter().any(|v| *v < 0.0) {
-            return Err(Error::argument("moments", "a deviation or mean square is out of range"));
-        }
-        let deviation = deviation.max(MIN_DEVIATION);
-        let adam = Adam { steps: adam.steps.max(0), ..adam };
-        if !same_networks {
-            let found = Self::new(networks, &maps)?;
-            return Ok(Self { anchor, deviation, ..found });
-        }
-        let decoder = networks.decoder();
-        let stride = decoder.stride();
-        let length = decoder.code_channels() * (maps.texels() / (stride * stride));
-        if code.len() != length || !adam.fits(length) {
-            return Err(Error::argument("code", "code and moments are not of the maps' size"));
-        }
-        Ok(Self { values: code, anchor, deviation, adam, detail, maps, stale, tools: None })
     }
 
     /// Gives the maps the gains that the photographs ask for and goes on from their code.
@@ -238,27 +199,6 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
         <[f32]>::chunks_mut(plane, CHUNK).enumerate().map(move |(i, piece)| (c, i, piece))
     };
     planes.chunks_mut(n).enumerate().flat_map(of_plane)
-}
-
-/// A [`Code`] as plain data.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedCode {
-    /// The latent code.
-    #[serde(with = "crate::little_endian")]
-    pub code: Vec<f32>,
-    /// Its moments, as many.
-    pub adam: Adam,
-    /// Slopes that the prior holds on to: two encoded planes.
-    #[serde(with = "crate::little_endian")]
-    pub anchor: Vec<f32>,
-    /// Their expected error.
-    pub deviation: f32,
-    /// What the decoder cannot express of the start: nine encoded planes.
-    #[serde(with = "crate::little_endian")]
-    pub detail: Vec<f32>,
-    pub maps: Svbrdf,
-    /// Whether the code has moved since the maps were written.
-    pub stale: bool,
 }
 
 fn encoded_range(c: usize) -> (f32, f32) {

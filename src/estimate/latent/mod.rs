@@ -9,10 +9,10 @@
 //! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
 //! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
 //!
-//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
-//! new photograph it begins again, with code and moments as they were. With the third it begins
-//! anew, from the mean of what each photograph says alone: one or two photographs are ambiguous, and
-//! steps do not lead out of where a wrong reading of them has led the code.
+//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. With each new
+//! photograph the code is found anew from the maps so far: these are all that a saved fit needs to keep. With the
+//! third it is found from the mean of the maps that each photograph gives alone: one or two photographs are
+//! ambiguous, and steps do not lead out of a wrong reading of them.
 
 mod code;
 mod gains;
@@ -31,12 +31,9 @@ use crate::observation::Observation;
 use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 use code::Code;
-pub(crate) use code::SavedCode;
 
 /// Photographs that came before the fit had settled and add their steps, at most.
 const MAX_PENDING: usize = 8;
-/// Most steps and photographs that a saved fit is believed.
-const MAX_SAVED: usize = 1 << 24;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +48,7 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
-    /// Where the code began, of as many texels as the phases work with.
+    /// The maps that the code was found from with the latest photograph, of as many texels as the phases work with.
     start: Svbrdf,
     /// Mean of the first maps of each photograph, until the code begins anew from it.
     first: Option<Svbrdf>,
@@ -63,23 +60,23 @@ pub(crate) struct LatentFit {
 }
 
 /// How far a fit is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct LatentPosition {
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct LatentPosition {
     /// Steps done since the latest photograph.
-    pub done: usize,
+    done: usize,
     /// Photographs since the fit had settled.
-    pub fresh: usize,
-    /// Mean log-L1 of the latest step; not a number before the first.
-    pub loss: f64,
+    fresh: usize,
+    /// Mean log-L1 of the latest step; not a number before the first, while the maps are the start's.
+    loss: f64,
 }
 
-/// What a [`LatentFit`] holds apart from photographs and networks.
+/// What a [`LatentFit`] goes on from later.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedFit {
-    pub position: LatentPosition,
-    pub start: Svbrdf,
-    pub first: Option<Svbrdf>,
-    pub code: SavedCode,
+pub(crate) struct SavedLatent {
+    /// The maps of the code.
+    maps: Svbrdf,
+    /// Photographs whose steps are left; 0 where none is.
+    fresh: usize,
 }
 
 impl LatentFit {
@@ -109,40 +106,31 @@ impl LatentFit {
         Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again from where it is, with the third anew.
+    /// A photograph was added; the fit begins again from its maps, with the third from the mean of first maps.
     ///
     /// # Errors
     /// When a network is broken.
     pub fn add_photograph(&mut self, observation: &Observation) -> Result<()> {
         let photographs = self.photographs + 1;
-        let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
-        self.begin_again()?;
-        (self.position.fresh, self.photographs) = (fresh, photographs);
-        if photographs > 1
-            && let Some(mean) = self.first.take()
-        {
-            let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
-            let mean = moved(&mean, &maps, (photographs as f32).recip());
-            if photographs < self.options.all_steps_to {
-                self.first = Some(mean);
-            } else {
-                self.code = Code::new(&self.networks, &averaged(&mean))?;
-                self.start = mean;
-                // It has settled on none.
-                self.position.fresh = photographs;
+        let mut fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
+        if photographs > 1 {
+            self.refresh()?;
+            self.start = self.maps();
+            if let Some(mean) = self.first.take() {
+                let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
+                let mean = moved(&mean, &maps, (photographs as f32).recip());
+                if photographs < self.options.all_steps_to {
+                    self.first = Some(mean);
+                } else {
+                    self.start = mean;
+                    // It has settled on none.
+                    fresh = photographs;
+                }
             }
+            self.code = Code::new(&self.networks, &averaged(&self.start))?;
         }
-        Ok(())
-    }
-
-    /// Begins again from where the fit is, as light or ambient light were estimated anew.
-    ///
-    /// # Errors
-    /// When a network is broken.
-    pub fn begin_again(&mut self) -> Result<()> {
-        let fresh = if self.is_settled() { 0 } else { self.position.fresh };
-        self.refresh()?;
-        (self.position.done, self.position.fresh) = (0, fresh);
+        self.photographs = photographs;
+        self.position = LatentPosition { done: 0, fresh, loss: f64::NAN };
         Ok(())
     }
 
@@ -160,9 +148,11 @@ impl LatentFit {
         if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
-        // A restored fit may have done more than what one photograph asks for.
-        let progress = (done as f32 / steps as f32).min(1.0);
-        let rate = options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
+        let progress = done as f32 / steps as f32;
+        // Moments begin at zero with each photograph, which makes first steps long: maps of many move less.
+        let few = (options.all_steps_to as f32 / self.photographs as f32).min(1.0);
+        let rate =
+            few * options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
         self.position.loss = self.code.step(&self.networks, &observations, rate, options)?;
         self.position.done += 1;
         if self.is_settled() {
@@ -178,6 +168,9 @@ impl LatentFit {
 
     /// The maps as they are now: where the code began, and what it has moved of the averages since, interpolated.
     pub fn maps(&self) -> Svbrdf {
+        if self.position.loss.is_nan() {
+            return self.start.clone();
+        }
         let began = averaged(&self.start);
         let mut change = self.code.maps().clone();
         let n = change.texels();
@@ -211,42 +204,47 @@ impl LatentFit {
         self.position.fresh = 0;
     }
 
-    /// The fit as plain data.
-    pub fn save(&self) -> SavedFit {
-        SavedFit {
-            position: self.position,
-            start: self.start.clone(),
-            first: self.first.clone(),
-            code: self.code.save(),
-        }
+    /// The fit as it is; where steps are in progress, as it was before them.
+    pub fn save(&self, in_progress: bool) -> SavedLatent {
+        let settled = self.is_settled();
+        let maps = if in_progress && !settled { self.start.clone() } else { self.maps() };
+        SavedLatent { maps, fresh: if settled { 0 } else { self.position.fresh } }
     }
 
-    /// Goes on from a saved fit with its photographs. Without `same_networks` the code is found
-    /// anew from the maps.
+    /// Goes on from what was saved, with its photographs. Code and detail are found anew from the maps.
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
     pub fn restore(
         networks: Arc<Networks>,
-        saved: SavedFit,
+        saved: SavedLatent,
         photographs: &Photographs,
-        same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let SavedFit { mut position, start, first, code } = saved;
-        // More than anyone takes.
-        position.done = position.done.min(MAX_SAVED);
-        position.fresh = position.fresh.min(MAX_SAVED);
-        let of = |all: &[Observation]| all.first().map(|first| [first.width(), first.height()]);
-        if Some(size(&start)) != of(photographs.working().full())
-            || first.as_ref().is_some_and(|first| size(first) != size(&start))
-            || Some(size(&code.maps)) != of(&photographs.averaged())
-        {
-            return Err(Error::argument("fit", "maps of the photographs' size are expected"));
+        let (all, SavedLatent { maps, fresh }) = (photographs.full(), saved);
+        let of_maps = size(&maps);
+        let first = photographs.working().full().first();
+        if first.map(|first| [first.width(), first.height()]) != Some(of_maps) {
+            return Err(Error::argument("latent", "maps of the photographs' size are expected"));
         }
-        let code = Code::restore(&networks, code, same_networks)?;
-        let photographs = photographs.len();
-        Ok(Self { networks, options: *options, start, first, code, photographs, position })
+        let mut fit = Self::new(networks, &maps, of_maps, options)?;
+        fit.first = None;
+        for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
+            // As it came, before anything was corrected.
+            let mut photograph = photograph.clone();
+            photograph.view = photographs.given()[i];
+            let maps = to_size(&fit.networks.photo_maps(&photograph)?, of_maps)?;
+            let part = (i as f32 + 1.0).recip();
+            fit.first = Some(match &fit.first {
+                Some(mean) => moved(mean, &maps, part),
+                None => maps,
+            });
+        }
+        (fit.photographs, fit.position.fresh) = (all.len(), fresh.min(all.len()));
+        if fresh == 0 {
+            fit.position.done = fit.steps();
+        }
+        Ok(fit)
     }
 
     /// Steps for the photographs that the fit has not settled on: each has those that it would have had

@@ -180,8 +180,6 @@ fn photographs_during_a_fit_add_their_steps() {
     assert_eq!(fit.settle(), 5 + 3 + 3, "the third begins anew");
     fit.add(&side).unwrap();
     assert_eq!(fit.settle(), 3, "one alone");
-    fit.latent.begin_again().unwrap();
-    assert_eq!(fit.settle(), 3, "known ones again: as one");
 }
 
 /// Detail that averages hide stays the start's.
@@ -245,33 +243,43 @@ fn the_third_photograph_restarts_the_code() {
     assert!(run(true) == run(false));
 }
 
+/// Steps in progress are done again, from the same maps; those of a settled fit are off by roundings.
 #[test]
-fn a_restored_fit_continues_with_the_same_bits() {
+fn a_restored_fit_continues_from_its_maps() {
     let networks = networks();
     let truth = material(64);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     let start = networks.photo_maps(&top).unwrap();
-    let options = LatentOptions { first_steps: 4, steps: 2, ..LatentOptions::default() };
-    let run = |saved: bool| {
+    let options = LatentOptions { first_steps: 4, steps: 6, ..LatentOptions::default() };
+    let run = |left_at: &[usize]| {
         let mut fit = Fit::new(networks.clone(), &start, &top, &options).unwrap();
         let mut steps = 0;
         loop {
-            let settled = fit.step().settled;
-            steps += 1;
-            if steps == 3 {
+            if left_at.contains(&steps) {
+                let saved = fit.latent.save(true);
+                let latent =
+                    LatentFit::restore(networks.clone(), saved, &fit.photographs, &options);
+                fit.latent = latent.unwrap();
+                assert_eq!(fit.latent.is_settled(), steps == 4);
+            }
+            if steps == 4 {
                 fit.add(&side).unwrap();
             }
-            if saved {
-                let state = fit.latent.save();
-                let networks = networks.clone();
-                let restored =
-                    LatentFit::restore(networks, state, &fit.photographs, true, &options);
-                fit.latent = restored.unwrap();
+            if steps > 4 && fit.latent.is_settled() {
+                return (steps, fit.maps());
             }
-            if settled && steps > 3 {
-                return fit.maps();
-            }
+            fit.step();
+            steps += 1;
         }
     };
-    assert!(run(true) == run(false));
+    let (steps, plain) = run(&[]);
+    assert_eq!(steps, 4 + 6);
+    for (left_at, expected) in [(&[4][..], steps), (&[7], steps + 3)] {
+        let (found, maps) = run(left_at);
+        assert_eq!(found, expected);
+        let off = plain.planes().iter().zip(maps.planes()).map(|(a, b)| (a - b).powi(2));
+        let off = (off.sum::<f32>() / plain.planes().len() as f32).sqrt();
+        println!("{off} off when left at {left_at:?}");
+        assert!(off < 1e-4, "{off}");
+    }
 }

@@ -12,7 +12,7 @@ pub struct LatentOptions {
     /// Steps after each further photograph. Tuned.
     pub steps: usize,
     /// Up to this many photographs, each gets `steps` steps; with exactly this many the code restarts from
-    /// the mean of their first maps. Beyond it, steps fall as 1/N. Tuned.
+    /// the mean of their first maps. Beyond it, the number of steps and their length fall as 1/N. Tuned.
     pub all_steps_to: usize,
     /// Length of the first steps, in units of the code (whose variance is 1). Lengths fall to zero along a
     /// half cosine. Tuned.
