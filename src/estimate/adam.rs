@@ -2,10 +2,10 @@
 
 use crate::parallel;
 
-/// Values that one task updates.
+/// Values per task.
 const CHUNK: usize = 1 << 14;
 
-/// First and second moments of the gradient, and how many steps they have seen.
+/// First and second moments of the gradient, and number of steps.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam {
     first: Vec<f32>,

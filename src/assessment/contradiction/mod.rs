@@ -29,9 +29,9 @@ const SQUARES: (f32, f32) = (4.0, 0.01);
 const CONTRADICTION_FROM: usize = 3;
 
 impl Estimation {
-    /// Adds a photograph, the first with the maps to start from, without its parts that contradict the others.
-    /// `restart`: earlier ones were replaced ([`Estimation::replace`]) by others that lie so far elsewhere that the
-    /// maps so far are no start any more.
+    /// Adds a photograph and masks outlier regions. The first photograph comes with the maps to start from.
+    /// `restart` says that earlier ones, replaced by [`Estimation::replace`], moved too far for the current
+    /// maps to be a start.
     ///
     /// # Errors
     /// When sizes differ, the first has no start, or a network is broken.
