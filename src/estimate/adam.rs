@@ -2,10 +2,10 @@
 
 use crate::parallel;
 
-/// Values that one task updates.
+/// Values per task.
 const CHUNK: usize = 1 << 14;
 
-/// First and second moments of the gradient, and how many steps they have seen.
+/// First and second moments of the gradient, and number of steps.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam {
     first: Vec<f32>,
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_step_has_the_length_of_the_rate_and_a_bowl_is_descended() {
+    fn the_first_step_has_the_length_of_the_rate_and_a_quadratic_is_minimised() {
         let mut x = [3.0f32, -2.0];
         let mut adam = Adam::new(2);
         adam.step(&mut x, &[1e-6, -40.0], 0.1, [0.9, 0.99]);

@@ -1,5 +1,5 @@
-//! The result of an estimate as plain data, to go on from later. What is in progress is no part of it: the fit
-//! of the latest photograph is done again.
+//! The result of an estimate as plain data. An interrupted fit of the latest photograph is repeated after a
+//! restore.
 
 use std::sync::Arc;
 
@@ -10,29 +10,30 @@ use super::estimation::{Estimation, Stage};
 use super::latent::{LatentFit, SavedLatent};
 use super::options::EstimateOptions;
 use super::parts::Contradiction;
-use super::task::{Cut, Method, Task};
+use super::task::{EarlyStop, Method, Task};
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
-/// An [`Estimation`] apart from photographs, networks, options and what it is asked for.
+/// State of an [`Estimation`] without photographs, networks, options and task.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct SavedEstimate {
-    /// The latest maps, of the baseline in progress those that it began with; none before the first photograph.
+    /// The latest maps; for a baseline in progress those at its start; `None` before the first photograph.
     pub maps: Option<Svbrdf>,
-    /// What the next fit begins from, and deviations refer to; none of the baseline.
+    /// Start of the next fit, and reference of the uncertainty; `None` in the baseline.
     latent: Option<SavedLatent>,
     pub correction: Correction,
-    /// The regions of each photograph that contradict the others.
+    /// Outlier regions of each photograph.
     contradictions: Vec<Option<Contradiction>>,
-    /// Whether the fit of the latest photograph is to be done again.
+    /// Whether the fit of the latest photograph must be repeated.
     unfinished: bool,
-    cut: Option<Cut>,
+    #[serde(rename = "cut")]
+    early_stop: Option<EarlyStop>,
     loss: f32,
 }
 
 impl Estimation {
-    /// The estimate as it is; a fit in progress as it began.
+    /// The current estimate; a fit in progress is saved as of its start.
     pub fn save(&self) -> SavedEstimate {
         let unfinished = !self.is_done();
         let (correction, maps) = match &self.begun_with {
@@ -45,15 +46,15 @@ impl Estimation {
             correction: correction.clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
             unfinished,
-            cut: self.cut,
+            early_stop: self.early_stop,
             loss: self.loss,
         }
     }
 
-    /// Goes on from what was saved of these photographs. The networks may be others than before.
+    /// Continues a saved estimate of these photographs. The networks may differ from the earlier ones.
     ///
     /// # Errors
-    /// When what was saved does not fit together or the networks, or a network is broken.
+    /// When the saved data are inconsistent or do not suit the networks, or a network is broken.
     pub fn restore(
         networks: Arc<Networks>,
         task: Task,
@@ -62,7 +63,7 @@ impl Estimation {
         photographs: Vec<Observation>,
     ) -> Result<Self> {
         let mut estimation = Self::new(networks.clone(), task, options);
-        let correction = saved.correction.believed()?;
+        let correction = saved.correction.within_limits()?;
         let none = Self::no_photographs(&estimation.options);
         estimation.photographs = none.restored(photographs, correction)?;
         let begun = estimation.photos() > 0;
@@ -75,9 +76,9 @@ impl Estimation {
         {
             return Err(Error::argument("estimate", "photographs and maps do not fit each other"));
         }
-        for (index, found) in saved.contradictions.into_iter().enumerate() {
-            found.as_ref().map_or(Ok(()), Contradiction::check)?;
-            estimation.photographs.set_aside(index, found);
+        for (index, regions) in saved.contradictions.into_iter().enumerate() {
+            regions.as_ref().map_or(Ok(()), Contradiction::check)?;
+            estimation.photographs.mask(index, regions);
         }
         estimation.expect_noise();
         if let Some(latent) = saved.latent {
@@ -85,7 +86,7 @@ impl Estimation {
             estimation.latent = Some(LatentFit::restore(networks, latent, photographs, options)?);
         }
         estimation.stage = Stage::Settled(saved.maps);
-        (estimation.cut, estimation.loss) = (saved.cut, saved.loss);
+        (estimation.early_stop, estimation.loss) = (saved.early_stop, saved.loss);
         if saved.unfinished {
             estimation.begin();
         }

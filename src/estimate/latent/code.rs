@@ -1,4 +1,4 @@
-//! The latent code, the detail kept aside, and everything one step needs.
+//! The latent code, its fixed detail, and its optimiser.
 
 use super::gains;
 use crate::estimate::adam::Adam;
@@ -12,11 +12,10 @@ use crate::{Error, Result, Svbrdf};
 
 /// Decay of Adam's moments.
 const BETAS: [f32; 2] = [0.9, 0.99];
-/// Least deviation of slopes from the start's, in encoded units; otherwise it is the root mean square of
-/// these: what looks flat mostly is, and on a polished surface small slopes show most.
+/// Least expected deviation of slopes from the start's, in encoded units. Otherwise it is their root mean
+/// square: start maps that look flat mostly are, and small slopes matter most on polished surfaces.
 const MIN_DEVIATION: f32 = 0.01;
-/// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
-/// otherwise stay black for ever.
+/// Least derivative of an albedo by its encoded value in a step: black texels would otherwise stay black.
 const MIN_DERIVATIVE: f32 = 0.02;
 /// Texels per task of the conversions between encoded and natural parameters.
 const CHUNK: usize = 4096;
@@ -24,21 +23,21 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Code {
     values: Vec<f32>,
-    /// Slopes that the prior holds on to, two encoded planes.
+    /// Mean of the prior of slopes, two encoded planes.
     anchor: Vec<f32>,
-    /// Expected error of the anchor.
+    /// Sigma of the prior of slopes.
     deviation: f32,
     adam: Adam,
-    /// What the decoder cannot express of the start, encoded planes.
+    /// Detail of the start that the decoder cannot express, encoded planes.
     detail: Vec<f32>,
     maps: Svbrdf,
-    /// Whether the code has moved since the maps were written.
+    /// Whether the maps are older than the code.
     stale: bool,
-    /// What the steps work with; made when needed.
+    /// Buffers of a step; allocated when needed.
     tools: Option<Box<Tools>>,
 }
 
-/// The large buffers.
+/// Large buffers.
 #[derive(Debug)]
 struct Tools {
     gradient: Vec<f32>,
@@ -76,8 +75,8 @@ impl Code {
         Ok(code)
     }
 
-    /// Goes on from other maps of the same size with the code and moments found so far: the
-    /// difference is detail.
+    /// Continues from other maps of the same size with the current code and moments; the difference becomes
+    /// detail.
     pub fn restart(&mut self, networks: &Networks, start: &Svbrdf) -> Result<()> {
         let mut tools = self.take_tools(networks)?;
         let decoded = networks.decoder().forward(&self.values, &mut tools.workspace)?;
@@ -97,7 +96,7 @@ impl Code {
         }
     }
 
-    /// Gives the maps the gains that the photographs ask for and goes on from their code.
+    /// Applies the gains that the photographs determine and continues from the code of the result.
     pub fn apply_gains(&mut self, networks: &Networks, observations: &[Observation]) -> Result<()> {
         let mut maps = self.maps.clone();
         if gains::apply(&mut maps, observations) {
@@ -111,7 +110,7 @@ impl Code {
         &self.maps
     }
 
-    /// Brings the maps up to the code.
+    /// Updates the maps from the code.
     pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
         if self.stale {
             let mut tools = self.take_tools(networks)?;
@@ -137,7 +136,8 @@ impl Code {
         if !loss.is_finite() {
             return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
         }
-        // The first photographs are ambiguous, not just noisy: the prior fades with their square.
+        // The first photographs are ambiguous, not only noisy: the prior fades with the square of their
+        // number.
         let photographs = observations.len().max(1) as f32;
         let prior_weight = options.prior_weight / (photographs * photographs);
         self.encode_gradient(&mut tools, prior_weight);
@@ -164,9 +164,8 @@ impl Code {
         });
     }
 
-    /// Turns the gradient with respect to natural parameters into that with respect to the
-    /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
-    /// counts.
+    /// Converts the gradient from natural parameters to the decoder's output and adds the prior's. At a bound
+    /// of the range, a gradient that leads outward is 0.
     fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32) {
         let n = self.maps.texels();
         let Tools { gradient, workspace, .. } = tools;
@@ -178,7 +177,7 @@ impl Code {
             let planes = decoded[at..].iter().zip(&detail[at..]);
             for (g, (d, r)) in gradient.iter_mut().zip(planes) {
                 let e = d + r;
-                // At the lower bound of an albedo the derivative vanishes: a dead end.
+                // The derivative of an albedo vanishes at its lower bound.
                 *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_DERIVATIVE);
                 let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
                 *g = if outward { 0.0 } else { *g };
@@ -193,7 +192,7 @@ impl Code {
     }
 }
 
-/// Chunks of planes of `n` values, each with its plane and its place in it.
+/// Chunks of planes of `n` values, with plane and index of each.
 fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &mut [f32])> {
     let of_plane = |(c, plane)| {
         <[f32]>::chunks_mut(plane, CHUNK).enumerate().map(move |(i, piece)| (c, i, piece))
@@ -204,7 +203,7 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
 fn encoded_range(c: usize) -> (f32, f32) {
     let (low, high) = RANGE[c];
     match c {
-        // not through `encode`, which stops at the slopes the networks can express
+        // `encode` would clip to the slopes that the networks can express.
         crate::svbrdf::channel::SLOPE_X | crate::svbrdf::channel::SLOPE_Y => {
             (low / encoding::SLOPE_SCALE, high / encoding::SLOPE_SCALE)
         }

@@ -1,18 +1,20 @@
 //! Optimisation of the latent code against all photographs.
 //!
-//! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
-//! additions. What the decoder cannot express of the start is kept as a fixed detail,
-//! `maps = D(z) + (start - D(E(start)))` in encoded space, so that the fit begins exactly at the
-//! start and moves it within what materials do. Each photograph begins with gains of the maps as a whole. A prior, weaker with every photograph, holds the slopes to the
-//! start's.
+//! The objective is that of the paper (section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with three
+//! additions:
 //!
-//! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
-//! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
+//! - A fixed detail holds the part of the start that the decoder cannot express: `maps = D(z) + (start -
+//!   D(E(start)))` in encoded space. The fit begins exactly at the start.
+//! - Gains of the maps as a whole come first for each photograph.
+//! - A prior holds the slopes to the start's; its weight falls with every photograph.
 //!
-//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. With each new
-//! photograph the code is found anew from the maps so far: these are all that a saved fit needs to keep. With the
-//! third it is found from the mean of the maps that each photograph gives alone: one or two photographs are
-//! ambiguous, and steps do not lead out of a wrong reading of them.
+//! The code works on averages of at most [`CODE_TEXELS`] texels a side; finer detail is that of the start:
+//! `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
+//!
+//! Photographs may be added, and maps taken, between any two steps. With each photograph, the code is encoded
+//! again from the current maps, so that a saved fit needs only maps. With the third, it is encoded from the
+//! mean of each photograph's own maps, because one or two photographs are ambiguous and Adam does not escape
+//! a wrong basin.
 
 mod code;
 mod gains;
@@ -32,15 +34,15 @@ use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 use code::Code;
 
-/// Photographs that came before the fit had settled and add their steps, at most.
+/// Largest number of photographs, added during a fit, that add their steps.
 const MAX_PENDING: usize = 8;
 
-/// What a step did.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StepReport {
     /// Mean log-L1 before the step.
     pub loss: f64,
-    /// Nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub settled: bool,
 }
 
@@ -48,40 +50,40 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
-    /// The maps that the code was found from with the latest photograph, of as many texels as the phases work with.
+    /// The maps that the code started from with the latest photograph, at the resolution of the phases.
     start: Svbrdf,
-    /// Mean of the first maps of each photograph, until the code begins anew from it.
+    /// Mean of the photographs' own maps, until the code restarts from it.
     first: Option<Svbrdf>,
-    /// Of averages of the texels.
+    /// The code of averages of texels.
     code: Code,
-    /// Photographs so far.
+    /// Number of photographs.
     photographs: usize,
     position: LatentPosition,
 }
 
-/// How far a fit is.
+/// Progress of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LatentPosition {
     /// Steps done since the latest photograph.
     done: usize,
-    /// Photographs since the fit had settled.
+    /// Photographs since the fit last converged.
     fresh: usize,
-    /// Mean log-L1 of the latest step; not a number before the first, while the maps are the start's.
+    /// Mean log-L1 of the latest step; NaN before the first, while the maps are the start's.
     loss: f64,
 }
 
-/// What a [`LatentFit`] goes on from later.
+/// A [`LatentFit`] as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedLatent {
     /// The maps of the code.
     maps: Svbrdf,
-    /// Photographs whose steps are left; 0 where none is.
+    /// Photographs with remaining steps.
     fresh: usize,
 }
 
 impl LatentFit {
-    /// Starts from maps for photographs of `[width, height]` texels. `start` has that resolution or a
-    /// half, a quarter, ... of it, as [`Networks::photo_maps`] gives it, or twice, ....
+    /// Starts from maps for photographs of `[width, height]` texels. `start` has this resolution or a power
+    /// of two of it, like that of [`Networks::photo_maps`].
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
@@ -106,7 +108,8 @@ impl LatentFit {
         Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again from its maps, with the third from the mean of first maps.
+    /// Adds a photograph: the fit restarts from its maps, with the third from the mean of the photographs'
+    /// own.
     ///
     /// # Errors
     /// When a network is broken.
@@ -123,7 +126,7 @@ impl LatentFit {
                     self.first = Some(mean);
                 } else {
                     self.start = mean;
-                    // It has settled on none.
+                    // The fit has converged on none of them.
                     fresh = photographs;
                 }
             }
@@ -134,7 +137,7 @@ impl LatentFit {
         Ok(())
     }
 
-    /// One step; does nothing once settled.
+    /// One step; does nothing after the last.
     ///
     /// # Errors
     /// When a network is broken or the loss is not finite.
@@ -144,12 +147,13 @@ impl LatentFit {
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let averages = photographs.averaged();
-        let observations = chosen(&averages, &photographs.drawn(done));
+        let observations = chosen(&averages, &photographs.subset(done));
         if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
         let progress = done as f32 / steps as f32;
-        // Moments begin at zero with each photograph, which makes first steps long: maps of many move less.
+        // Moments start at zero with each photograph, which makes the first steps long: with many
+        // photographs, steps are shorter.
         let few = (options.all_steps_to as f32 / self.photographs as f32).min(1.0);
         let rate =
             few * options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
@@ -161,12 +165,12 @@ impl LatentFit {
         Ok(self.report())
     }
 
-    /// Whether nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub fn is_settled(&self) -> bool {
         self.position.done >= self.steps()
     }
 
-    /// The maps as they are now: where the code began, and what it has moved of the averages since, interpolated.
+    /// The current maps: the start plus the interpolated change of the averages.
     pub fn maps(&self) -> Svbrdf {
         if self.position.loss.is_nan() {
             return self.start.clone();
@@ -189,29 +193,29 @@ impl LatentFit {
         maps
     }
 
-    /// The maps of the code, averages of texels.
+    /// The maps of the code: averages of texels.
     pub fn averages(&self) -> &Svbrdf {
         self.code.maps()
     }
 
-    /// Steps done, and all.
+    /// Steps done, and their total.
     pub fn work(&self) -> [usize; 2] {
         [self.position.done.min(self.steps()), self.steps()]
     }
 
-    /// The photographs so far count as fitted, steps left or not: the next brings its own alone.
+    /// Drops the remaining steps of the photographs so far.
     pub fn count_as_fitted(&mut self) {
         self.position.fresh = 0;
     }
 
-    /// The fit as it is; where steps are in progress, as it was before them.
+    /// The current fit; a fit in progress is saved as of its start.
     pub fn save(&self, in_progress: bool) -> SavedLatent {
         let settled = self.is_settled();
         let maps = if in_progress && !settled { self.start.clone() } else { self.maps() };
         SavedLatent { maps, fresh: if settled { 0 } else { self.position.fresh } }
     }
 
-    /// Goes on from what was saved, with its photographs. Code and detail are found anew from the maps.
+    /// Continues a saved fit with its photographs. Code and detail are encoded from the maps.
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
@@ -230,7 +234,7 @@ impl LatentFit {
         let mut fit = Self::new(networks, &maps, of_maps, options)?;
         fit.first = None;
         for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
-            // As it came, before anything was corrected.
+            // The view at the photograph's arrival, before any correction.
             let mut photograph = photograph.clone();
             photograph.view = photographs.given()[i];
             let maps = to_size(&fit.networks.photo_maps(&photograph)?, of_maps)?;
@@ -247,8 +251,7 @@ impl LatentFit {
         Ok(fit)
     }
 
-    /// Steps for the photographs that the fit has not settled on: each has those that it would have had
-    /// alone.
+    /// Total steps for the photographs since the fit last converged: the sum of those that each has alone.
     fn steps(&self) -> usize {
         let LatentOptions { first_steps, steps, all_steps_to, .. } = self.options;
         let of = |count: usize| match count {
@@ -264,7 +267,7 @@ impl LatentFit {
         StepReport { loss: self.position.loss, settled: self.is_settled() }
     }
 
-    /// Brings the maps up to the code.
+    /// Updates the maps from the code.
     ///
     /// # Errors
     /// When a network is broken.
@@ -273,7 +276,7 @@ impl LatentFit {
     }
 }
 
-/// Maps moved a part of the way to others, in coordinates.
+/// Maps moved by a fraction towards others, in coordinates.
 fn moved(maps: &Svbrdf, to: &Svbrdf, part: f32) -> Svbrdf {
     let (mut maps, from) = (maps.clone(), coordinates(maps));
     let n = maps.texels();
@@ -288,13 +291,13 @@ fn size(maps: &Svbrdf) -> [usize; 2] {
     [maps.width(), maps.height()]
 }
 
-/// Averages of as many texels as the code is fitted at.
+/// Averages at the resolution of the code.
 fn averaged(maps: &Svbrdf) -> Svbrdf {
     let halvings = halvings_to(size(maps), CODE_TEXELS);
     halved(maps, halvings, Svbrdf::downsampled)
 }
 
-/// Maps at another power of two of their size.
+/// Maps at a power of two of their size.
 fn to_size(maps: &Svbrdf, [width, height]: [usize; 2]) -> Result<Svbrdf> {
     let mut maps = maps.clone();
     while maps.width() > width && maps.width().is_multiple_of(2) && maps.height().is_multiple_of(2)

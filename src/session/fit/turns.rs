@@ -108,7 +108,7 @@ impl Fit {
             state.publish(maps.map(Arc::new));
         }
         (state.light_correction, state.fitted, state.cut) =
-            (correction, photos, estimation.is_cut());
+            (correction, photos, estimation.is_stopped_early());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
             photos,
@@ -292,7 +292,7 @@ impl Fit {
         }
         if step.done {
             self.busy = false;
-            state.cut = estimation.is_cut();
+            state.cut = estimation.is_stopped_early();
             // A photograph that was added meanwhile is still on its way.
             let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));
