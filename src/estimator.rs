@@ -1,17 +1,17 @@
-//! An estimate in the caller's thread.
+//! An estimate that runs in the caller's thread.
 
 use std::sync::Arc;
 
 use crate::assessment::{Evidence, Place};
 use crate::estimate::{
-    Addition, Budget, EstimateOptions, Estimation, FitRecord, LightCorrection, Meter, Method,
-    PhaseReport, Step, Task, first_maps,
+    Budget, EstimateOptions, Estimation, FitRecord, LightCorrection, Meter, Method, PhaseReport,
+    Step, Task, first_maps,
 };
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
 
-/// Estimates maps from rectified photographs in the caller's thread: what a session does on its own.
+/// Estimates maps from rectified photographs in the caller's thread, one step at a time.
 pub struct Estimator {
     networks: Arc<Networks>,
     estimation: Estimation,
@@ -20,12 +20,12 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// Without photographs.
+    /// An estimator without photographs and with default options.
     pub fn new(networks: Arc<Networks>, method: Method, refine: bool) -> Self {
         Self::with_options(networks, method, refine, EstimateOptions::default())
     }
 
-    /// The same with other options.
+    /// An estimator without photographs.
     pub fn with_options(
         networks: Arc<Networks>,
         method: Method,
@@ -38,24 +38,24 @@ impl Estimator {
         Self { networks, estimation, meter, start: None }
     }
 
-    /// Begins from given maps, of the size of the photographs, in place of the photo network's.
-    /// To be called before the first photograph.
+    /// Starts from these maps, of the photographs' size, instead of the photo network's. Call this before the
+    /// first photograph.
     pub fn start_from(&mut self, maps: Svbrdf) {
         self.start = Some(maps);
     }
 
-    /// Whether lights are only roughly known, so that they and ambient light are corrected: they
-    /// are unless said otherwise. To be called before the first photograph.
+    /// Whether to correct the photographs' lights and ambient light because they are only roughly known;
+    /// default true. Call this before the first photograph.
     pub fn correct_lights(&mut self, correct: bool) {
         self.estimation.task.free_lights = correct;
     }
 
-    /// Keeps what the network is asked about, see [`Estimator::record`].
+    /// Keeps the inputs of the relief network, see [`Estimator::record`].
     pub fn keep_record(&mut self) {
         self.estimation.keep_record = true;
     }
 
-    /// What each phase has done for the photographs so far, in their order.
+    /// Reports of the phases for the photographs so far, in order.
     pub fn reports(&self) -> &[PhaseReport] {
         self.estimation.reports()
     }
@@ -70,21 +70,21 @@ impl Estimator {
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
         };
-        self.estimation.add(Addition::new(observation), start.as_ref())
+        self.estimation.add(observation, false, start.as_ref())
     }
 
-    /// What was found of exposure and flash.
+    /// Estimated exposure of each photograph and offset of the flash.
     pub fn light_correction(&self) -> &LightCorrection {
         self.estimation.light_correction()
     }
 
-    /// What the network was asked about at last, if that is kept: recorded fits are what it learns from. `None` where it was not
-    /// asked for the photographs so far, of which there is one.
+    /// The latest inputs of the relief network, its training data. `None` before the second photograph, or
+    /// without [`Estimator::keep_record`].
     pub fn record(&self) -> Option<&FitRecord> {
         self.estimation.record.as_ref()
     }
 
-    /// What is known of how far the maps of the moment may be off, see
+    /// Evidence on the errors of the current maps, see
     /// [`Session::snapshot_with_uncertainty`](crate::session::Session::snapshot_with_uncertainty).
     ///
     /// # Errors
@@ -93,8 +93,8 @@ impl Estimator {
         self.estimation.evidence()
     }
 
-    /// By how much a photograph from each of some places would lower the expected squared error of
-    /// renderings, see [`Session::next_view`](crate::session::Session::next_view): fractions, 0 to 1.
+    /// Fraction, 0 to 1, by which a photograph from each place would lower the expected squared error of
+    /// renderings, see [`Session::next_view`](crate::session::Session::next_view).
     ///
     /// # Errors
     /// Without photographs.
@@ -115,7 +115,7 @@ impl Estimator {
         self.estimation.step(&mut self.meter)
     }
 
-    /// The maps as they are now.
+    /// The current maps.
     ///
     /// # Errors
     /// Without photographs.
@@ -123,7 +123,7 @@ impl Estimator {
         self.estimation.maps()
     }
 
-    /// Steps until nothing is left to do; returns the maps.
+    /// Steps until the estimate has converged; returns the maps.
     ///
     /// # Errors
     /// Without photographs, or when a network is broken.

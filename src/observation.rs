@@ -7,7 +7,7 @@ use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 
 use crate::parallel;
-use crate::svbrdf::{MAX_SAVED_SIDE, bands, thinned};
+use crate::svbrdf::{MAX_SAVED_SIDE, bands, strided};
 use crate::{Error, Result};
 
 /// Dependence of the light's strength on distance.
@@ -248,8 +248,8 @@ impl Observation {
     }
 
     /// Every `2^times`-th texel in each direction, unfiltered.
-    pub(crate) fn thinned(&self, times: u32) -> Self {
-        let packed = thinned(&self.packed, self.width, times);
+    pub(crate) fn strided(&self, times: u32) -> Self {
+        let packed = strided(&self.packed, self.width, times);
         let (width, height) = (self.width >> times, self.height >> times);
         Self { width, height, packed: Arc::new(packed), ..*self }
     }

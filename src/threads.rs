@@ -1,7 +1,7 @@
 //! Threads of the library, and a hook at their start for programs that set priorities.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use tracing::Dispatch;
 use tracing::dispatcher::{get_default, with_default};
@@ -37,6 +37,11 @@ pub fn set_start_hook(hook: Option<StartHook>) {
             .start_handler(|_| started(Role::Work))
             .build_global();
     }
+}
+
+/// The content of a mutex that no panic leaves half changed.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Calls the hook on a thread that has just started.

@@ -51,57 +51,100 @@ fn step_until(session: &Session, fraction: f32) {
     while session.step().unwrap() && session.progress().fraction < fraction {}
 }
 
-/// Saved wherever the fit is, restored and gone on with: to the same bits as if nothing had happened. The caller
-/// drives the fit, so that photographs come at the same moments.
+/// Root mean square differences of each map, in units of the first session's stated deviation.
+fn deviations_off(session: &Session, other: &Session) -> Vec<f32> {
+    let stated = session.snapshot_with_uncertainty().unwrap().uncertainty.of_maps();
+    let stated = [stated.normal, stated.diffuse, stated.specular, stated.roughness];
+    let (maps, others) = (session.snapshot().unwrap(), other.snapshot().unwrap());
+    let of_map = |(planes, stated): (std::ops::Range<usize>, f32)| {
+        let count = planes.len() * maps.texels();
+        let of_plane = |c| maps.plane(c).iter().zip(others.plane(c));
+        let sum: f32 = planes.flat_map(of_plane).map(|(a, b)| (a - b).powi(2)).sum();
+        (sum / count as f32).sqrt() / stated
+    };
+    [0..2, 2..5, 5..8, 8..9].into_iter().zip(stated).map(of_map).collect()
+}
+
+/// Adds the photograph of a number.
+type Push<'a> = &'a dyn Fn(&Session, usize);
+
+/// Adds one photograph after the other, most before the fit has settled. `saved`: after each, and again in the
+/// middle of its fit, the session is replaced by one that was restored.
+fn gone_on_with(session: Session, push: Push, count: usize, saved: bool) -> Session {
+    let options = RestoreOptions { driver: Driver::Caller, ..RestoreOptions::default() };
+    let again = |session: Session| {
+        let state = session.save().unwrap();
+        let begun = Instant::now();
+        let restored = Session::restore(&state, networks(), options).unwrap();
+        println!("{} bytes restored in {:?}", state.len(), begun.elapsed());
+        assert_eq!(restored.progress().photos, session.progress().photos);
+        assert_eq!(restored.progress().settled, session.progress().settled);
+        assert!(restored.snapshot().is_ok());
+        restored
+    };
+    let mut session = session;
+    for i in 0..count {
+        push(&session, i);
+        step_until(&session, [0.1, 0.6][i % 2]);
+        if saved {
+            session = again(session);
+        }
+        session.wait().unwrap();
+        if saved {
+            let restored = again(session);
+            session = restored;
+        }
+    }
+    session
+}
+
+/// Saved wherever the fit is, restored and gone on with, a session ends with the maps of one that was never left, within
+/// a twentieth of their stated deviations. The caller drives the fit, so that photographs come at the same moments.
 #[test]
 fn going_on_after_restoring_is_going_on() {
-    for method in [Method::Deep, Method::Classic] {
-        let settings = Settings { method, driver: Driver::Caller, ..Settings::default() };
-        let options = RestoreOptions { driver: Driver::Caller, ..RestoreOptions::default() };
-        let again = |session: &Session| {
-            let state = session.save().unwrap();
-            let begun = Instant::now();
-            let restored = Session::restore(&state, networks(), options).unwrap();
-            println!("{method:?}: {} bytes restored in {:?}", state.len(), begun.elapsed());
-            restored
-        };
+    let settings = Settings { driver: Driver::Caller, threads: 2, ..Settings::default() };
+    let tile = Capture::load(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile"));
+    let tile = tile.unwrap();
+    let photos: Vec<Photo> = tile.photos[..4].iter().map(|f| f.read().unwrap()).collect();
+    let of_board = |session: &Session, i: usize| {
+        assert!(matches!(session.add_photo(&photos[i]).unwrap(), Outcome::Accepted(_)));
+    };
+    let board = Settings { sample_mm: tile.sample_mm, ..settings.clone() };
+    let Scene::Board { target, .. } = tile.scene.clone() else { panic!("no board") };
+    let unknown = Scene::board(target).into();
+    let cases: [(&str, Scene, Settings, Push, usize); 3] = [
+        ("rectified", scene(), settings, &push, 3),
+        ("board", tile.scene.clone(), board.clone(), &of_board, 4),
+        ("unknown camera", unknown, board, &of_board, 4),
+    ];
+    for (name, scene, settings, push, count) in cases {
         let run = |saved: bool| {
-            let mut session = session(settings.clone());
-            push(&session, 0);
-            session.wait().unwrap();
-            if saved {
-                // Settled: everything is as it was.
-                let restored = again(&session);
-                assert_eq!(restored.snapshot().unwrap(), session.snapshot().unwrap());
-                assert_eq!(restored.progress(), session.progress());
-                assert_eq!(restored.settings(), session.settings());
-                assert_eq!(restored.scene(), session.scene());
-                session = restored;
-            }
-            // One comes once the fit has settled, one in its middle.
-            for (i, share) in [(1, 0.4), (2, 0.7)] {
-                push(&session, i);
-                step_until(&session, share);
-                if saved {
-                    let restored = again(&session);
-                    assert_eq!(restored.progress().photos, i + 1);
-                    // Maps are the latest; what led to them is done again.
-                    assert_eq!(restored.snapshot().unwrap(), session.snapshot().unwrap());
-                    assert!(!restored.progress().settled);
-                    session = restored;
-                    let begun = Instant::now();
-                    step_until(&session, share);
-                    println!("{method:?}: {share} of the fit again in {:?}", begun.elapsed());
-                }
-            }
-            session.wait().unwrap();
-            (session.snapshot().unwrap(), session.progress().loss, session.light_correction())
+            let session = Session::with_networks(scene.clone(), settings.clone(), networks());
+            gone_on_with(session.unwrap(), push, count, saved)
         };
-        assert!(run(false) == run(true), "{method:?}");
+        let (plain, left) = (run(false), run(true));
+        assert_eq!((left.settings(), left.scene()), (plain.settings(), plain.scene()));
+        let off = deviations_off(&plain, &left);
+        println!("{name}: {off:.4?} of the stated deviations off");
+        assert!(off.iter().all(|off| *off < 0.05), "{name}: {off:?}");
     }
 }
 
-/// A photograph takes six bytes a texel, and what is measured in it; the fit up to 130 bytes a texel.
+/// Settled sessions come back as they are.
+#[test]
+fn settled_sessions_come_back_as_they_are() {
+    let session = session(Settings { driver: Driver::Caller, ..Settings::default() });
+    push(&session, 0);
+    session.wait().unwrap();
+    let restored = restore(&session.save().unwrap());
+    assert_eq!(restored.snapshot().unwrap(), session.snapshot().unwrap());
+    assert_eq!(restored.progress(), session.progress());
+    assert_eq!(restored.settings().sample_mm, session.settings().sample_mm);
+    assert_eq!(restored.scene(), session.scene());
+    assert_eq!(restored.light_correction(), session.light_correction());
+}
+
+/// A photograph takes six bytes a texel, and what is measured in it; two sets of maps 36 bytes a texel each.
 #[test]
 fn fifty_photographs_are_saved_small() {
     let session = session(Settings::default());
@@ -119,7 +162,7 @@ fn fifty_photographs_are_saved_small() {
     assert_eq!(restore(&state).progress().photos, 50);
     let texels = rectified::SIZE * rectified::SIZE;
     println!("{} bytes, saved in {saved:?}, restored in {:?}", state.len(), begun.elapsed());
-    assert!(state.len() < 50 * (6 * texels + 200) + 130 * texels, "{} bytes", state.len());
+    assert!(state.len() < 50 * (6 * texels + 200) + 80 * texels, "{} bytes", state.len());
 }
 
 #[test]
@@ -191,19 +234,19 @@ fn camera_and_light_go_on_as_well() {
         assert_eq!(restored.poses(), straight.poses());
         push(&straight, 2);
         push(&restored, 2);
-        // What was measured is stored exactly.
+        // Measurements are stored exactly.
         assert_eq!(restored.camera(), straight.camera());
         assert_eq!(restored.poses(), straight.poses());
         assert_eq!(restored.flash_offset_mm(), straight.flash_offset_mm());
         assert_eq!(restored.ambient_fraction(), straight.ambient_fraction());
-        // The fit has the same photographs, those rectified anew too.
+        // The fit has the same photographs but for roundings, those rectified anew too.
         let few = Budget { steps: Some(5), ..Budget::default() };
-        let maps = [&straight, &restored].map(|session| {
+        for session in [&straight, &restored] {
             session.set_budget(few).unwrap();
             session.wait().unwrap();
-            session.snapshot().unwrap()
-        });
-        assert!(maps[0] == maps[1]);
+        }
+        let off = deviations_off(&straight, &restored);
+        assert!(off.iter().all(|off| *off < 0.05), "{off:?}");
     }
 }
 

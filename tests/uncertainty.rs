@@ -87,7 +87,11 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
         session.snapshot_with_uncertainty().unwrap(),
         restored.snapshot_with_uncertainty().unwrap(),
     ];
-    assert!(before == after, "a restored session says the same");
+    assert_eq!(before.maps, after.maps);
+    // The latent code is found again: its maps differ by roundings.
+    for (a, b) in before.uncertainty.planes().iter().zip(after.uncertainty.planes()) {
+        assert!((a - b).abs() < 0.01 * a, "a restored session says the same: {a} {b}");
+    }
     session.cancel();
     assert!(matches!(session.snapshot_with_uncertainty(), Err(Error::Cancelled)));
 }

@@ -1,4 +1,4 @@
-//! Reads an estimate: parts of photographs that contradict the others, residuals, uncertainty of the maps, and the
+//! Evidence about an estimate: outlier regions of photographs, residuals, uncertainty of the maps, and the
 //! gain of a further photograph.
 
 mod contradiction;

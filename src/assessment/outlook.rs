@@ -1,10 +1,10 @@
-//! What a further photograph would tell: by how much a view lowers the expected error of renderings.
+//! Expected gain of a further photograph: the reduction of the expected error of renderings.
 //!
-//! Every texel of a coarse grid has a covariance, that of its quadratic posterior. A photograph adds
-//! precision where its residuals depend on the coordinates; the expected squared error of renderings
-//! is the trace of the covariance with what renderings from all round make of each coordinate.
-//! Highlights are where nobody has looked yet, so that what a view would show is not linearised at the
-//! maps but at draws from the posterior, one a texel: over a grid this takes the mean.
+//! Each texel of a coarse grid has the covariance of its quadratic posterior. A photograph adds precision
+//! where its residuals depend on the coordinates. The expected squared error of renderings is the trace of
+//! the covariance times the mean squared derivatives of renderings from random directions. A new view may
+//! reveal a highlight where the maps have none. Therefore the model is linearised at one sample of each
+//! texel's posterior, not at the maps; the sum over texels approximates the expectation.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -24,24 +24,23 @@ type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 /// Derivatives of three colours by the coordinates.
 type Jacobian = SMatrix<f64, 3, CHANNELS>;
 
-/// Texels along the longer side that are looked at, at most: a view's gain, a sum over them, moves by
-/// less than 2 % with more.
+/// Largest number of texels along the longer side. More change a view's gain, a sum over texels, by less than
+/// 2 %.
 const TEXELS: usize = 24;
-/// Errors of the model are alike in views less than about this apart, degrees: the second tells
-/// little more.
+/// Angle between views below which they share errors of the model, so that the second adds little, degrees.
 const APART_DEG: f64 = 10.0;
-/// Log residual that noise and errors of the model leave.
+/// Log residual of noise and errors of the model.
 const NOISE: f64 = 0.03;
-/// Renderings that count; more change nothing.
+/// Renderings that maps are compared in; more change nothing.
 const RENDERINGS: usize = 16;
-/// Cameras and lights of these off the top, at most, degrees: where maps are compared.
+/// Largest angle of their cameras and lights to the vertical, degrees.
 const TILT_DEG: f64 = 70.0;
-/// Texels of a task.
+/// Texels per task.
 const CHUNK: usize = 32;
-/// Chooses the draws and the renderings.
+/// Seed of posterior samples and renderings.
 const SEED: u64 = 0x0071_0012;
 
-/// Where a photograph might be taken from.
+/// A place to take a photograph from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Camera centre, mm, board frame.
@@ -50,22 +49,22 @@ pub struct Place {
     pub light_mm: [f32; 3],
 }
 
-/// A texel as it is now.
+/// A texel's posterior at the current maps.
 struct Texel {
     at: Coordinates,
     lobes: [f64; LOBES],
     place: [f64; 2],
     covariance: Matrix,
-    /// The covariance with the squared derivatives of renderings on both sides.
+    /// The covariance times the mean squared derivatives of renderings times the covariance.
     weighed: Matrix,
     /// Expected squared error of renderings.
     error: f64,
 }
 
 impl Estimation {
-    /// By how much a photograph from each of some places would lower the expected squared error of
-    /// renderings: fractions of it, 0 to 1. Places of camera and light are as given, mm, before any
-    /// correction; the rest of the view is that of the latest photograph.
+    /// Fraction, 0 to 1, by which a photograph from each place would lower the expected squared error of
+    /// renderings. Places of camera and light are uncorrected, mm. The rest of the view is that of the latest
+    /// photograph.
     ///
     /// # Errors
     /// Without photographs.
@@ -74,7 +73,7 @@ impl Estimation {
         let halvings = photographs.halvings_to(TEXELS);
         let observations = photographs.level(halvings);
         let first = observations.first().ok_or(Error::NoMaps)?;
-        let maps = self.maps()?.thinned(self.photographs.thinning());
+        let maps = self.maps()?.strided(self.photographs.stride_log2());
         let maps = halved(&maps, halvings, Svbrdf::downsampled);
         let exposure = &photographs.correction().exposure;
         let last = photographs.given().last().ok_or(Error::NoMaps)?;
@@ -95,9 +94,9 @@ impl Estimation {
                     continue;
                 };
                 sums[views.len()] += texel.error;
-                let drawn = texel.drawn(&mut random);
+                let sampled = texel.sampled(&mut random);
                 for (sum, view) in sums.iter_mut().zip(&views) {
-                    *sum += texel.gain(&drawn, view);
+                    *sum += texel.gain(&sampled, view);
                 }
             }
             sums
@@ -133,10 +132,10 @@ impl Texel {
                 radiance(&PointView::new(&observation.view), &at, &lobes, place);
             for c in 0..3 {
                 let observed = observation.radiance(c, t);
-                // What is saturated and explained says nothing.
-                let told = observed >= 0.0 || rendered[c] < f64::from(-observed);
+                // A saturated value that the rendering reaches is no constraint.
+                let counts = observed >= 0.0 || rendered[c] < f64::from(-observed);
                 let scale = weight.sqrt() * by_log(rendered[c]);
-                jacobian.row_mut(c).scale_mut(if told { scale } else { 0.0 });
+                jacobian.row_mut(c).scale_mut(if counts { scale } else { 0.0 });
             }
             information += jacobian.transpose() * jacobian;
         }
@@ -145,7 +144,7 @@ impl Texel {
         for view in renderings {
             let (rendered, mut jacobian) = radiance(&PointView::new(view), &at, &lobes, place);
             for c in 0..3 {
-                // Renderings are clipped.
+                // Renderings are clipped at white.
                 jacobian.row_mut(c).scale_mut(rendered[c].max(1.0).recip());
             }
             appearance += jacobian.transpose() * jacobian / renderings.len() as f64;
@@ -155,8 +154,8 @@ impl Texel {
         Some(Self { at, lobes, place, covariance, weighed, error })
     }
 
-    /// Coordinates drawn from the posterior.
-    fn drawn(&self, random: &mut Random) -> Coordinates {
+    /// A sample of the posterior.
+    fn sampled(&self, random: &mut Random) -> Coordinates {
         let noise = Coordinates::from_fn(|_, _| random.bell());
         let by = self.covariance.cholesky().map_or(Coordinates::zeros(), |root| root.l() * noise);
         Coordinates::from_fn(|c, _| {
@@ -165,7 +164,7 @@ impl Texel {
         })
     }
 
-    /// By how much a view would lower the expected squared error, were the texel at `at`.
+    /// Reduction of the expected squared error by a view if the texel is at `at`.
     fn gain(&self, at: &Coordinates, view: &View) -> f64 {
         let (rendered, mut jacobian) = radiance(&PointView::new(view), at, &self.lobes, self.place);
         for c in 0..3 {
@@ -181,8 +180,8 @@ impl Texel {
     }
 }
 
-/// Share of what a view tells that earlier ones do not tell as well, errors of the model being alike in
-/// views that are close to each other.
+/// Share of a view's information that earlier views do not have, because views that are close share errors of
+/// the model.
 fn novelty(view: &View, earlier: &[View]) -> f64 {
     let direction = |view: &View| towards(view.camera_mm, [0.0; 2]).0;
     let angles = earlier.iter().map(|other| direction(view).angle_between(direction(other)));
@@ -190,12 +189,12 @@ fn novelty(view: &View, earlier: &[View]) -> f64 {
     1.0 - (-(nearest / APART_DEG).powi(2)).exp()
 }
 
-/// Derivative of a log residual by its radiance, in units of the noise.
+/// Derivative of a log residual by the radiance, in units of the noise.
 fn by_log(rendered: f64) -> f64 {
     ((rendered.max(0.0) + f64::from(EPSILON)) * NOISE).recip()
 }
 
-/// Views from all round that renderings are compared in.
+/// Random views that renderings are compared in.
 fn renderings(like: &View) -> Vec<View> {
     let mut random = Random::new(SEED);
     let distance = norm(like.camera_mm);
@@ -217,7 +216,7 @@ fn norm(v: [f32; 3]) -> f32 {
     v.iter().map(|v| v * v).sum::<f32>().sqrt()
 }
 
-/// Unit vector from a place on the sample and distance.
+/// Unit vector from a place on the sample to a point, and its distance.
 fn towards(to: [f32; 3], [x, y]: [f64; 2]) -> (glam::DVec3, f64) {
     let offset = glam::Vec3::from(to).as_dvec3() - glam::DVec3::new(x, y, 0.0);
     let distance = offset.length().max(1e-6);

@@ -1,4 +1,4 @@
-//! How the maps explain each photograph.
+//! Residuals of each photograph.
 
 use crate::Result;
 use crate::estimate::{Contradiction, Estimation, Part};
@@ -7,32 +7,32 @@ use crate::observation::Observation;
 use crate::render::render;
 use crate::statistics::{MAD_TO_SIGMA, median};
 
-/// Photographs from which on one may stand out.
+/// Fewest photographs of which one may be an outlier.
 const OUTLIER_FROM: usize = 4;
-/// A residual stands out that is so many robust standard deviations above the median, and so many
-/// times as large: of photographs that agree, deviations are tiny.
+/// An outlier's residual is this many robust standard deviations above the median, and this many times the
+/// median: residuals of photographs that agree differ little.
 const OUTLIER_SIGMA: f32 = 5.0;
 const OUTLIER_RATIO: f32 = 1.5;
 
-/// How the maps of the moment explain an accepted photograph.
+/// Fit of the current maps to an accepted photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotoFit {
-    /// Median over its texels of the absolute difference of the logarithms of rendered and measured
-    /// radiance, mean of the channels: a relative error.
+    /// Median over its texels of the absolute log ratio of rendered to measured radiance, averaged over the
+    /// colours: a relative error.
     pub residual: f32,
-    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels that it does not show
-    /// and for those that contradict the other photographs.
+    /// Mean weight of its texels, 0 to 1: the cosine to the camera; 0 for invisible and masked texels.
     pub weight: f32,
-    /// Whether it contradicts the others. From four photographs on: its residual stands out. From three on, with
-    /// a board: the board shows another light, or most of the sample differs; it then has a weight of 0.
+    /// Whether the photograph is an outlier. From four photographs on: its residual is far above the others'.
+    /// From three on, with a board: its board has another light, or most of the sample differs; its weight is
+    /// then 0.
     pub outlier: bool,
-    /// The largest part of it that contradicts the others and is left out of the fit: a hand, sun, a
-    /// shadow or glare on a part of the sample. Of fewer than three photographs, and without a board, none does.
+    /// The largest outlier region, masked in the fit: a hand, sun, a shadow or glare on a part of the sample.
+    /// `None` with fewer than three photographs or without a board.
     pub part: Option<Part>,
 }
 
 impl Estimation {
-    /// How the maps as they are now explain each photograph.
+    /// Fit of the current maps to each photograph.
     ///
     /// # Errors
     /// Without photographs.
@@ -52,7 +52,7 @@ impl Estimation {
             }
             median(errors.iter().copied()).unwrap_or(0.0)
         };
-        let seen = (0..self.photographs.len()).map(|i| self.photographs.seen(i));
+        let seen = (0..self.photographs.len()).map(|i| self.photographs.unmasked(i));
         let residuals: Vec<f32> = seen.map(|observation| residual(&observation)).collect();
         let limit = limit(residuals.clone());
         let counting = self.photographs.full().iter().zip(self.photographs.contradictions());
@@ -66,7 +66,7 @@ impl Estimation {
     }
 }
 
-/// The residual above which a photograph stands out.
+/// The residual above which a photograph is an outlier.
 fn limit(mut residuals: Vec<f32>) -> f32 {
     if residuals.len() < OUTLIER_FROM {
         return f32::INFINITY;
@@ -77,7 +77,7 @@ fn limit(mut residuals: Vec<f32>) -> f32 {
     (middle + OUTLIER_SIGMA * sigma).max(OUTLIER_RATIO * middle)
 }
 
-/// The median; of an even number the lower of the two in the middle, which an outlier does not move.
+/// The median; of an even number the lower of the two middle values, which an outlier does not move.
 fn lower_median(values: &mut [f32]) -> f32 {
     values.sort_by(f32::total_cmp);
     values[(values.len() - 1) / 2]
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_out_is_above_the_limit() {
+    fn outliers_are_above_the_limit() {
         assert_eq!(limit(vec![0.01, 0.01, 0.5]), f32::INFINITY);
         let limit_of = |values: &[f32]| limit(values.to_vec());
         assert!(limit_of(&[0.02, 0.021, 0.019, 0.2]) < 0.1);

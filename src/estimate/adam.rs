@@ -1,29 +1,21 @@
-//! Adam (Kingma and Ba 2015) with moments that survive a new photograph.
+//! Adam (Kingma and Ba 2015).
 
 use crate::parallel;
-use serde::{Deserialize, Serialize};
 
-/// Values that one task updates.
+/// Values per task.
 const CHUNK: usize = 1 << 14;
 
-/// First and second moments of the gradient, and how many steps they have seen.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// First and second moments of the gradient, and number of steps.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam {
-    #[serde(with = "crate::little_endian")]
-    pub first: Vec<f32>,
-    #[serde(with = "crate::little_endian")]
-    pub second: Vec<f32>,
+    first: Vec<f32>,
+    second: Vec<f32>,
     pub steps: i32,
 }
 
 impl Adam {
     pub fn new(length: usize) -> Self {
         Self { first: vec![0.0; length], second: vec![0.0; length], steps: 0 }
-    }
-
-    /// Whether moments are as many as this.
-    pub fn fits(&self, length: usize) -> bool {
-        [&self.first, &self.second].iter().all(|moments| moments.len() == length)
     }
 
     /// Moves `values` against `gradient`, at most about `rate` per element.
@@ -53,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_step_has_the_length_of_the_rate_and_a_bowl_is_descended() {
+    fn the_first_step_has_the_length_of_the_rate_and_a_quadratic_is_minimised() {
         let mut x = [3.0f32, -2.0];
         let mut adam = Adam::new(2);
         adam.step(&mut x, &[1e-6, -40.0], 0.1, [0.9, 0.99]);

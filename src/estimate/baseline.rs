@@ -1,8 +1,8 @@
 //! Classic inverse rendering, the paper's baseline: Adam directly on the maps, with no prior but
 //! the start.
 //!
-//! Parameters are those that networks see ([`encoding`]), which are well scaled. The step size
-//! decays along a half cosine, so that the L1 loss settles instead of jumping about its corners.
+//! The parameters are those of the networks ([`encoding`]), which are well scaled. The step size decays along
+//! a half cosine, because constant steps make the L1 loss jump about its kinks.
 
 use super::adam::Adam;
 use crate::Result;
@@ -11,29 +11,29 @@ use crate::parallel;
 use crate::render::{self, check_observations};
 use crate::svbrdf::{CHANNELS, Svbrdf, encoding};
 
-/// Iterations: the best of a search over rates, decays and lengths on synthetic texels; longer or faster
-/// runs fit the noise, not the material.
+/// Iterations: the best of a search over rates, decays and lengths on synthetic texels. Longer or faster runs
+/// fit the noise.
 pub(super) const STEPS: usize = 800;
-/// First step size, in encoded units, and that of the last iteration as a fraction of it.
+/// First step size, in encoded units, and the last one as a fraction of it.
 const LEARNING_RATE: f32 = 0.01;
 const FINAL_FRACTION: f32 = 0.01;
-/// Decay of the mean gradient (the paper's), and of the mean squared gradient.
+/// Decay of the mean gradient (the paper's) and of the mean squared gradient.
 const BETAS: [f32; 2] = [0.5, 0.999];
-/// Encoded values stay this far from -1, where the derivative of an albedo vanishes for good.
+/// Distance of encoded values from -1, where the derivative of an albedo vanishes.
 const MARGIN: f32 = 0.01;
 
-/// Iterations in progress on maps that the caller keeps.
+/// Iterations in progress; the caller keeps the maps.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Baseline {
-    /// The maps as networks see them.
+    /// The maps, encoded for networks.
     encoded: Vec<f32>,
-    /// Their moments, and iterations done.
+    /// Moments of the encoded maps, and iterations done.
     adam: Adam,
     gradient: Vec<f32>,
 }
 
 impl Baseline {
-    /// Before the first iteration; maps are brought into their range.
+    /// Before the first iteration; clamps the maps to their range.
     ///
     /// # Errors
     /// When sizes differ.
@@ -89,8 +89,7 @@ mod tests {
     use super::*;
     use crate::estimate::solver::tests::{errors, perturbed, photographs, truth};
 
-    /// Clean photographs: the baseline is a fair one only if its loss goes to nearly nothing. It
-    /// ends at 1/250 of the start's.
+    /// A fair baseline explains clean photographs: its loss ends at 1/250 of the start's.
     #[test]
     fn adam_converges_on_clean_photographs() {
         let truth = truth(16, 1);

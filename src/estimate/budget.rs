@@ -1,4 +1,4 @@
-//! How long a fit may work.
+//! Limits on the work of a fit.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -8,21 +8,19 @@ use web_time::Instant;
 use crate::svbrdf::{CHANNELS, channel, encoding};
 use crate::{Error, Result, Svbrdf};
 
-/// How long the fit works on each photograph; the default has no limits.
+/// Limits on the work on each photograph; the default has none.
 ///
-/// A fit that is at its limit settles on the maps that it has, and every photograph begins with the
-/// full budget again. The latent code takes at most half of time and steps: a step of the
-/// refinement gains more. Time during which the fit is paused does not count; it is measured by a
-/// clock that does not jump.
+/// A fit at its limit ends with its current maps, and every photograph starts with the full budget. The
+/// latent code takes at most half of time and steps, because later steps gain more. A monotonic clock
+/// measures the time; pauses do not count.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Budget {
-    /// Seconds of work on each photograph; the step in progress is finished.
+    /// Seconds of work on each photograph. The step in progress is finished.
     pub seconds: Option<f32>,
     /// Steps of the optimisers on each photograph.
     pub steps: Option<u32>,
-    /// Whether the fit ends where what it would still change is less than half a step of 8-bit
-    /// maps (root mean square of each channel, as shown: normals and roughness linear, albedos with
-    /// the sRGB curve).
+    /// Whether the fit ends once its remaining change is below half a step of 8-bit maps (root mean square of
+    /// each channel, as shown: normals and roughness linear, albedos with the sRGB curve).
     pub stop_when_invisible: bool,
 }
 
@@ -37,11 +35,11 @@ impl Budget {
     }
 }
 
-/// Work on the latest photograph, against the budget.
+/// Work spent on the latest photograph, and its budget.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Meter {
     pub(crate) budget: Budget,
-    /// Steps finished before the one in progress, and their time.
+    /// Time and number of finished steps.
     spent: Duration,
     steps: u32,
     /// Start of the step in progress.
@@ -73,12 +71,12 @@ impl Meter {
         self.spent.saturating_add(since)
     }
 
-    /// A step of an optimiser was done.
+    /// Counts a step of an optimiser.
     pub(crate) fn count(&mut self) {
         self.steps = self.steps.saturating_add(1);
     }
 
-    /// Whether that share of the budget is used up.
+    /// Whether this share of the budget is spent.
     pub(crate) fn exhausted(&self, share: f32) -> bool {
         let time = self.budget.seconds.is_some_and(|s| self.elapsed().as_secs_f32() >= share * s);
         let steps = self.budget.steps;
@@ -88,11 +86,11 @@ impl Meter {
 
 /// Half a step of 8 bits.
 const VISIBLE: f32 = 0.5 / 255.0;
-/// Mean log-L1 that cannot be seen: half a step of 8-bit white is 0.004 in log radiance, and mean
-/// differences hide some larger ones.
+/// Mean log-L1 that is invisible: half a step of 8-bit white is 0.004 in log radiance, and a mean difference
+/// hides larger ones.
 const VISIBLE_LOSS: f64 = 1e-3;
 
-/// Maps as 8-bit files show them, at no more texels than a mean of them needs.
+/// Maps as 8-bit files show them, at a subset of texels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Shown {
     /// Channel after channel.
@@ -100,18 +98,18 @@ pub(crate) struct Shown {
 }
 
 impl Shown {
-    /// A root mean square over so many texels is within a few per cent of that over all.
+    /// The root mean square of this many texels is within a few per cent of that of all.
     const TEXELS: usize = 4096;
 
     pub(crate) fn of(maps: &Svbrdf) -> Self {
-        // An odd step does not run down the columns of maps with an even width.
+        // An odd step does not follow the columns of maps of even width.
         let step = maps.texels().div_ceil(Self::TEXELS) | 1;
         let texels = |c: usize| maps.plane(c).iter().step_by(step).map(move |&v| shown(c, v));
         Self { values: (0..CHANNELS).flat_map(texels).collect() }
     }
 
-    /// Root mean square difference of maps of one size, relative to what can be seen: below 1
-    /// nothing can. The largest of the nine channels.
+    /// Largest root mean square difference of a channel between maps of one size, in units of the visible
+    /// difference.
     pub(crate) fn visible_change(&self, other: &Self) -> f32 {
         let texels = self.values.len() / CHANNELS;
         let rms = |(a, b): (&[f32], &[f32])| {
@@ -128,13 +126,13 @@ fn shown(c: usize, value: f32) -> f32 {
     match c {
         channel::SLOPE_X | channel::SLOPE_Y => 0.5 * value / (1.0 + value * value).sqrt(),
         channel::ROUGHNESS => value,
-        // The square root is the sRGB curve but for a few per cent of its slope.
+        // The square root is within a few per cent of the sRGB curve's slope.
         _ => 0.5 * (encoding::encode(c, value) + 1.0),
     }
 }
 
-/// What `left` more steps would change at most if each changed as much as the latest, their rates
-/// falling as half a cosine over `steps`.
+/// Upper bound of the change of the steps after step `done`, if each changes as much as the latest; rates
+/// fall along a half cosine over `steps`.
 pub(crate) fn predicted_change(latest: f32, done: u32, steps: u32) -> f32 {
     let rate =
         |step: u32| 0.5 * (1.0 + (std::f32::consts::PI * step as f32 / steps.max(1) as f32).cos());
@@ -142,8 +140,8 @@ pub(crate) fn predicted_change(latest: f32, done: u32, steps: u32) -> f32 {
     latest * left / rate(done.saturating_sub(1)).max(f32::MIN_POSITIVE)
 }
 
-/// Whether further steps of an optimiser, each at most as good as the latest ones, would lower the
-/// mean log-L1 by what could be seen.
+/// Predicts whether further steps of an optimiser, none better than the latest, would lower the mean log-L1
+/// visibly.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Trend {
     pub every: usize,
@@ -152,12 +150,12 @@ pub(crate) struct Trend {
 }
 
 impl Trend {
-    /// For so many steps, looked at after every `every`.
+    /// A trend over `steps` steps, judged after every `every`.
     pub(crate) fn new(steps: usize, every: usize) -> Self {
         Self { every, steps, previous: None }
     }
 
-    /// Whether nothing visible is to be gained after a step (from 1).
+    /// Whether no visible gain remains after a step (from 1).
     pub(crate) fn is_flat(&mut self, step: usize, loss: f64) -> bool {
         if !step.is_multiple_of(self.every) {
             return false;
@@ -173,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_of_one_grey_level_is_seen_and_a_quarter_is_not() {
+    fn one_grey_level_is_visible_and_a_quarter_is_not() {
         for (c, size) in (0..CHANNELS).flat_map(|c| [(c, 16), (c, 256)]) {
             let a = Svbrdf::new(size, size);
             for (levels, seen) in [(1.0, true), (0.25, false)] {
@@ -213,9 +211,9 @@ mod tests {
     }
 
     #[test]
-    fn change_is_predicted_from_the_rates_left() {
+    fn change_is_predicted_from_the_remaining_rates() {
         assert_eq!(predicted_change(1.0, 30, 30), 0.0);
-        // Half way the rate is one half; what is left of the cosine is 15 (1/2 - 1/pi).
+        // Half way the rate is one half, and the rest of the cosine sums to 15 (1/2 - 1/pi).
         let left = predicted_change(1.0, 15, 30);
         assert!((left - 15.0 * (0.5 - std::f32::consts::FRAC_1_PI) / 0.5).abs() < 0.7, "{left}");
         let mut trend = Trend::new(8, 1);

@@ -1,14 +1,14 @@
-//! Soft clusters of texels of like colour: k-means from seeds far apart.
+//! Soft clusters of texels of similar colour: k-means from seeds far apart.
 
 /// A feature of a texel: root of a colour.
 pub(super) type Feature = [f32; 3];
 
-/// Texels that find clusters, at most.
+/// Largest number of texels in k-means.
 const SAMPLES: usize = 4096;
-/// Rounds of k-means: it has converged.
+/// Rounds of k-means, enough to converge.
 const ROUNDS: usize = 20;
 
-/// Centres of clusters, and how softly texels belong to them.
+/// Centres and softness of clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clusters {
     centres: Vec<Feature>,
@@ -16,8 +16,8 @@ pub(super) struct Clusters {
 }
 
 impl Clusters {
-    /// At most `count` clusters of texels, fewer where all lie near their centres. Texels that differ by
-    /// `reach` belong to two of them; without it, by as much as texels differ from the nearest centre.
+    /// At most `count` clusters of texels, fewer if all lie near their centres. Texels within `reach` of two
+    /// clusters belong to both; without it, the mean distance to the nearest centre decides.
     pub fn find(features: &[Feature], count: usize, reach: Option<f32>) -> Self {
         let samples: Vec<Feature> = every(features.len()).map(|t| features[t]).collect();
         let square = reach.unwrap_or(0.0).powi(2);
@@ -30,17 +30,17 @@ impl Clusters {
         Self { centres, spread }
     }
 
-    /// How many.
+    /// Number of clusters.
     pub fn len(&self) -> usize {
         self.centres.len()
     }
 
-    /// The cluster whose centre is nearest.
+    /// The cluster with the nearest centre.
     pub fn nearest(&self, feature: &Feature) -> usize {
         nearest(&self.centres, feature).0
     }
 
-    /// Shares of a feature in the clusters, which sum to 1: `exp(-(d² - d²_nearest) / spread)`.
+    /// Shares of a feature in the clusters; they sum to 1: `exp(-(d² - d²_nearest) / spread)`.
     pub fn shares(&self, feature: &Feature, out: &mut [f32]) {
         let least = nearest(&self.centres, feature).1;
         let mut sum = 0.0;
@@ -52,12 +52,12 @@ impl Clusters {
     }
 }
 
-/// Texels that are sampled: steps that share no factor with the width visit all columns.
+/// A subset of texels. An odd step visits more columns than an even one.
 pub(super) fn every(texels: usize) -> impl Iterator<Item = usize> {
     (0..texels).step_by((texels / SAMPLES).max(1) | 1)
 }
 
-/// At most `count` centres of samples, fewer where all samples lie within a squared distance of them.
+/// At most `count` centres of samples, fewer if all samples lie within the squared distance `within`.
 fn centres(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
     let mut centres = seeds(samples, count, within);
     for _ in 0..ROUNDS {
@@ -76,7 +76,7 @@ fn centres(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
     centres
 }
 
-/// The first sample, then always that farthest from all so far.
+/// The first sample, then repeatedly the one farthest from all seeds so far.
 fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
     let mut seeds: Vec<Feature> = samples.first().copied().into_iter().collect();
     let mut distances = vec![f32::MAX; samples.len()];
@@ -93,7 +93,7 @@ fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
     seeds
 }
 
-/// The nearest centre and its squared distance; of no centres the first, at no distance.
+/// The nearest centre and its squared distance; `(0, 0.0)` without centres.
 fn nearest(centres: &[Feature], feature: &Feature) -> (usize, f32) {
     let distances = centres.iter().map(|c| distance(c, feature)).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
@@ -108,20 +108,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clouds_far_apart_are_found_and_shared_softly_between() {
+    fn points_between_distant_clusters_belong_to_both() {
         let clouds = [[0.1, 0.2, 0.3], [0.8, 0.7, 0.6], [0.1, 0.9, 0.1]];
         let samples: Vec<Feature> = (0..300)
             .map(|i| clouds[i % 3].map(|v| v + 0.006 * ((i % 7) as f32 - 3.0) / 3.0))
             .collect();
-        let found = Clusters::find(&samples, 8, Some(0.05));
-        assert_eq!(found.len(), 3);
+        let clusters = Clusters::find(&samples, 8, Some(0.05));
+        assert_eq!(clusters.len(), 3);
         let mut all = [0.0; 3];
-        let between = std::array::from_fn(|c| 0.5 * (found.centres[0][c] + found.centres[1][c]));
-        found.shares(&between, &mut all);
+        let between =
+            std::array::from_fn(|c| 0.5 * (clusters.centres[0][c] + clusters.centres[1][c]));
+        clusters.shares(&between, &mut all);
         assert!((all[0] - 0.5).abs() < 1e-3 && (all[1] - 0.5).abs() < 1e-3, "{all:?}");
-        let mut found = found.centres;
-        found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        for (a, b) in found.iter().zip([clouds[0], clouds[2], clouds[1]]) {
+        let mut clusters = clusters.centres;
+        clusters.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        for (a, b) in clusters.iter().zip([clouds[0], clouds[2], clouds[1]]) {
             assert!(distance(a, &b) < 1e-4, "{a:?} {b:?}");
         }
         assert_eq!(Clusters::find(&samples, 1, None).len(), 1);

@@ -1,5 +1,5 @@
-//! Coordinates of a texel: slopes, *square roots* of albedos, and roughness, so that a sigma means about the
-//! same for dark and bright materials.
+//! Coordinates of a texel: slopes, *square roots* of albedos, and roughness. A sigma of a root means about
+//! the same for dark and bright materials.
 
 use crate::Svbrdf;
 use crate::simd::Lanes;
@@ -8,9 +8,8 @@ use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, channel};
 /// Coordinates of a texel in double precision.
 pub(crate) type Coordinates = [f64; CHANNELS];
 
-/// Least square root of an albedo: at zero its derivative would vanish for good. As an albedo it is
-/// far below what [`EPSILON`](crate::loss::EPSILON) hides; more of it slopes and gloss would explain
-/// away.
+/// Least square root of an albedo: at zero its derivative vanishes. The albedo is far below
+/// [`EPSILON`](crate::loss::EPSILON); slopes and gloss would compensate a larger one.
 pub(crate) const MIN_ROOT: f32 = 0.001;
 
 /// Whether a parameter's coordinate is its square root.

@@ -1,49 +1,49 @@
-//! What photographs tell of their lights and of the maps as a whole: corrections of what was given.
+//! Corrections of the given views: exposure, flash, directions of lights, ambient light.
 
 use crate::observation::{Falloff, View};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Largest logarithm of what is mirrored.
+/// Largest logarithm of the factor of reflected ambient light.
 pub(super) const MAX_MIRRORED: f64 = 2.0;
-/// Largest logarithm of a gain, and exponent, believed.
+/// Largest accepted logarithm of a gain, and exponent.
 const MAX_LOGARITHM: f64 = 20.0;
 
 /// Corrections of the given views.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Correction {
-    /// Two angles per photograph by which its light turns about the centre of the sample, radians.
+    /// Light rotation of each photograph about the sample's centre: two angles, radians.
     pub turns: Vec<[f64; 2]>,
     /// Ambient irradiance as a fraction of the flash's.
     pub ambient: f64,
-    /// Logarithm of [`View::mirrored`] per photograph.
+    /// Logarithm of each photograph's [`View::mirrored`], the factor of its reflected ambient light.
     pub mirrored: Vec<f64>,
-    /// Exposure and place of the flash.
+    /// Exposure of the photographs and offset of the flash.
     pub exposure: LightCorrection,
 }
 
-/// Exposure of each photograph and the place of the flash beside what was given.
+/// Correction of each photograph's exposure and of the flash's position.
 ///
-/// Photograph `i` is brighter than its view says by `exp(gains[i]) * (d[i] / d_mean)^exponent`, `d`
-/// the camera's distance from the sample's centre and `d_mean` the geometric mean of all.
+/// Photograph `i` is brighter than its view by `exp(gains[i]) * (d[i] / d_mean)^exponent`. `d` is the
+/// camera's distance from the sample's centre, `d_mean` the geometric mean of all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LightCorrection {
     /// Logarithm of each photograph's gain.
     pub gains: Vec<f64>,
     /// Exponent of exposure over distance.
     pub exponent: f64,
-    /// Logarithm of the distance (mm) at which the exposure law is 1.
+    /// Logarithm of `d_mean`, mm.
     pub log_distance: f64,
-    /// Added to every light's position, mm, board frame.
+    /// Offset of every light, mm, board frame.
     pub offset_mm: [f64; 3],
 }
 
 impl LightCorrection {
-    /// One that was read, within what is believed.
+    /// Limits a correction that was read to the accepted range.
     ///
     /// # Errors
     /// When a number is not finite.
-    pub(crate) fn believed(mut self) -> Result<Self> {
+    pub(crate) fn within_limits(mut self) -> Result<Self> {
         let numbers = self.gains.iter().chain(&self.offset_mm);
         finite(numbers.chain([&self.exponent, &self.log_distance]))?;
         for v in self.gains.iter_mut().chain([&mut self.exponent]) {
@@ -52,7 +52,7 @@ impl LightCorrection {
         Ok(self)
     }
 
-    /// As given, for photographs with these views.
+    /// No correction of photographs with these views.
     pub(super) fn as_given<'a>(views: impl ExactSizeIterator<Item = &'a View>) -> Self {
         let count = views.len();
         let sum: f64 = views.map(log_distance).sum();
@@ -60,14 +60,13 @@ impl LightCorrection {
         Self { gains: vec![0.0; count], log_distance, ..Self::default() }
     }
 
-    /// Factor by which a photograph is brighter than its view says; the gain of one that was not
-    /// fitted counts as 1.
+    /// Factor by which a photograph is brighter than its view. Without an index, its own gain counts as 1.
     pub fn factor(&self, view: &View, index: Option<usize>) -> f64 {
         let gain = index.and_then(|i| self.gains.get(i)).copied().unwrap_or(0.0);
         (gain + self.exponent * (log_distance(view) - self.log_distance)).exp()
     }
 
-    /// The view of a photograph that was not fitted, with what all photographs share.
+    /// The corrected view of a photograph that was not fitted.
     pub fn predict(&self, given: &View) -> View {
         self.apply(given, None)
     }
@@ -87,7 +86,7 @@ impl LightCorrection {
         for (to, by) in view.light_mm.iter_mut().zip(self.offset_mm) {
             *to += by as f32;
         }
-        // A flash stays above the sample.
+        // Keeps the flash above the sample.
         view.light_mm[2] = view.light_mm[2].max(1.0);
         view
     }
@@ -107,24 +106,23 @@ fn finite<'a>(values: impl IntoIterator<Item = &'a f64>) -> Result<()> {
 }
 
 impl Correction {
-    /// One that was read, within what is believed.
+    /// Limits a correction that was read to the accepted range.
     ///
     /// # Errors
     /// When a number is not finite.
-    pub(super) fn believed(mut self) -> Result<Self> {
+    pub(super) fn within_limits(mut self) -> Result<Self> {
         finite(self.turns.as_flattened().iter().chain(&self.mirrored).chain([&self.ambient]))?;
         self.mirrored.iter_mut().for_each(|v| *v = v.clamp(-MAX_MIRRORED, MAX_MIRRORED));
-        Ok(Self { exposure: self.exposure.believed()?, ..self })
+        Ok(Self { exposure: self.exposure.within_limits()?, ..self })
     }
 
-    /// The view of photograph `index` with its light turned, the ambient light added to what
-    /// was `given`, and what of it is mirrored.
+    /// The corrected view of photograph `index`.
     pub fn apply(&self, given: &View, index: usize) -> View {
         let view = self.exposure.apply(given, Some(index));
         corrected(&view, self.turn(index), self.ambient, self.mirrored(index))
     }
 
-    /// The view of a photograph that was not fitted, with what all photographs share.
+    /// The corrected view of a photograph that was not fitted.
     pub(super) fn predict(&self, given: &View) -> View {
         self.apply(given, usize::MAX)
     }
@@ -138,8 +136,8 @@ impl Correction {
     }
 }
 
-/// The light turned about the centre of the sample, ambient light added, `mirrored` the logarithm of
-/// the view's.
+/// A view with its light rotated about the sample's centre, more ambient light, and reflected ambient light
+/// times `exp(mirrored)`.
 pub(super) fn corrected(given: &View, turn: [f64; 2], ambient: f64, mirrored: f64) -> View {
     let light = glam::Vec3::from(given.light_mm).as_dvec3();
     let (u, v) = light.normalize_or(glam::DVec3::Z).any_orthonormal_pair();

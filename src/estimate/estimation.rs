@@ -1,25 +1,25 @@
-//! An estimate in progress: photographs, latent code, and the phases that are left.
+//! An estimate in progress: photographs, latent code, and remaining phases.
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::belief::Belief;
 use super::budget::Meter;
-use super::correction::LightCorrection;
+use super::correction::{Correction, LightCorrection};
 use super::finer::interpolated;
 use super::joint;
 use super::latent::LatentFit;
+use super::map_state::MapState;
 use super::options::{EstimateOptions, NoiseOptions};
 use super::phases::{Context, Phase, PhaseReport, Schedule};
 use super::photographs::Photographs;
 use super::relief::FitRecord;
-use super::task::{Cut, Method, Task};
+use super::task::{EarlyStop, Method, Task};
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::render;
 use crate::{Error, Result, Svbrdf};
 
-/// Maps of the first photograph at its own resolution, before any optimisation.
+/// The photo network's maps of the first photograph, at its resolution.
 pub(crate) fn first_maps(networks: &Networks, observation: &Observation) -> Result<Svbrdf> {
     let mut maps = networks.photo_maps(observation)?;
     while maps.width() < observation.width() {
@@ -29,75 +29,60 @@ pub(crate) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
     Ok(maps)
 }
 
-/// What a step did.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// What it was a step of; `None` where nothing was left to do.
+    /// The phase of the step; `None` after the last.
     pub phase: Option<Phase>,
     /// Mean log-L1 over all photographs.
     pub loss: f32,
-    /// Fraction of the work on the photographs so far that is done; never goes back.
+    /// Fraction of the work on the photographs so far that is done; never decreases.
     pub fraction: f32,
-    /// Nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub done: bool,
 }
 
-/// A photograph for an estimate, and what it changes about earlier ones.
-#[derive(Debug, Clone)]
-pub(crate) struct Addition<I> {
-    pub observation: Observation,
-    /// Earlier ones rectified better, by their indices; views are as given.
-    pub replaced: I,
-    /// Whether these lie so far elsewhere now that the maps so far are no start any more.
-    pub restart: bool,
-}
-
-impl Addition<[(usize, Observation); 0]> {
-    /// One that changes nothing about others.
-    pub fn new(observation: Observation) -> Self {
-        Self { observation, replaced: [], restart: false }
-    }
-}
-
-/// Where an estimate is, with the maps that it shows there.
+/// Stage of an estimate, with its current maps.
 pub(super) enum Stage {
-    /// Nothing is left to do; no maps before the first photograph.
+    /// No phase remains; no maps before the first photograph.
     Settled(Option<Svbrdf>),
-    /// Phases are left.
+    /// Phases remain.
     Running(Box<Run>),
 }
 
-/// Phases that are left, and what they work on.
+/// Remaining phases and their data.
 pub(super) struct Run {
     schedule: Schedule,
-    /// Maps and prior; none while the latent code is fitted, whose maps are shown then.
-    belief: Option<Belief>,
+    /// Maps and prior; `None` during the latent phase, whose maps are those of the code.
+    map_state: Option<MapState>,
 }
 
-/// An estimate of all photographs so far, in steps.
+/// An estimate of all photographs so far, which works in steps.
 pub(crate) struct Estimation {
     pub(crate) networks: Arc<Networks>,
     pub(crate) options: EstimateOptions,
-    /// Noise expected of photographs whose calibration shows none.
+    /// Expected noise without the deviations of boards.
     pub(crate) least_noise: NoiseOptions,
     pub(crate) task: Task,
     pub(crate) photographs: Photographs,
-    /// From the first photograph on; the baseline has none.
+    /// From the first photograph on; `None` in the baseline.
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,
     pub(super) loss: f32,
     fraction: f32,
-    /// What ended it before its time.
-    pub(super) cut: Option<Cut>,
-    /// Phases of the photographs so far that have ended.
+    /// The correction at the start of the latest fit and, in the baseline, the maps.
+    pub(super) begun_with: (Correction, Option<Svbrdf>),
+    /// Reason of an early stop.
+    pub(super) early_stop: Option<EarlyStop>,
+    /// Reports of the phases after the last one.
     reports: Vec<PhaseReport>,
-    /// Whether to keep what the network is asked about.
+    /// Whether to keep the relief network's inputs.
     pub(crate) keep_record: bool,
     pub(crate) record: Option<FitRecord>,
 }
 
 impl Estimation {
-    /// Without photographs.
+    /// An estimate without photographs.
     pub fn new(networks: Arc<Networks>, task: Task, options: EstimateOptions) -> Self {
         Self {
             networks,
@@ -109,36 +94,37 @@ impl Estimation {
             stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
-            cut: None,
+            begun_with: Default::default(),
+            early_stop: None,
             reports: Vec::new(),
             keep_record: false,
             record: None,
         }
     }
 
-    /// Photographs to add to.
+    /// An empty set of photographs with the limits of the options.
     pub fn no_photographs(options: &EstimateOptions) -> Photographs {
         Photographs::new().limited(options.schedule.photographs, options.schedule.texels)
     }
 
-    /// An estimate of the same kind without photographs.
+    /// A new estimate with the same settings, without photographs.
     pub fn afresh(&self) -> Self {
         let mut fresh = Self::new(self.networks.clone(), self.task, self.least_options());
         fresh.keep_record = self.keep_record;
         fresh
     }
 
-    /// The options before any photograph has shown its noise.
+    /// The options before any board states its deviation.
     pub(super) fn least_options(&self) -> EstimateOptions {
         EstimateOptions { noise: self.least_noise, ..self.options.clone() }
     }
 
-    /// Expects as much noise as the photographs' calibration shows.
+    /// Sets the expected noise from the boards' deviations.
     pub(super) fn expect_noise(&mut self) {
         self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
     }
 
-    /// What was found of exposure and flash.
+    /// Estimated exposure of each photograph and offset of the flash.
     pub fn light_correction(&self) -> &LightCorrection {
         &self.photographs.correction().exposure
     }
@@ -148,19 +134,19 @@ impl Estimation {
         &self.networks
     }
 
-    /// Photographs added.
+    /// Number of photographs.
     pub fn photos(&self) -> usize {
         self.photographs.len()
     }
 
-    /// Whether nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub fn is_done(&self) -> bool {
         matches!(self.stage, Stage::Settled(_))
     }
 
-    /// Whether the budget, or that nothing was to be seen, ended it before its time.
-    pub fn is_cut(&self) -> bool {
-        self.cut.is_some()
+    /// Whether the budget or invisible changes ended the fit early.
+    pub fn is_stopped_early(&self) -> bool {
+        self.early_stop.is_some()
     }
 
     /// Fraction of the work on the photographs so far that is done.
@@ -168,13 +154,13 @@ impl Estimation {
         if self.is_done() { 1.0 } else { self.fraction }
     }
 
-    /// Whether the maps are those of the joint solve, or soon will be.
+    /// Whether the maps are those of the joint solve, or will be.
     pub(crate) fn is_joint(&self) -> bool {
         self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
     }
 
-    /// The class of colour of each texel, by which the joint solve pools gloss: 0 is that of most texels. Empty where
-    /// there is no joint solve: of one photograph, and without refinement.
+    /// The class of colour of each texel in the joint solve: 0 is the largest class. Empty without a joint
+    /// solve (one photograph, or no refinement).
     pub fn classes(&self) -> Vec<u8> {
         if self.is_joint() { joint::classes(&self.photographs, &self.options) } else { Vec::new() }
     }
@@ -184,20 +170,33 @@ impl Estimation {
         self.loss
     }
 
-    /// Takes a photograph, the first with the maps to start from; [`Estimation::start`] begins its fit.
+    /// A photograph with its uncorrected view, without its mask.
+    pub fn observation(&self, index: usize) -> Observation {
+        let mut observation = self.photographs.unmasked(index);
+        observation.view = self.photographs.given()[index];
+        observation
+    }
+
+    /// Replaces a photograph by a better rectified one. A call of [`Estimation::add`] must follow.
+    ///
+    /// # Errors
+    /// When its size is another.
+    pub fn replace(&mut self, index: usize, observation: Observation) -> Result<()> {
+        self.settle(None);
+        self.photographs.replace(index, observation)
+    }
+
+    /// Takes a photograph for [`Estimation::add`]; [`Estimation::start`] begins the fit.
     ///
     /// # Errors
     /// When sizes differ, or the first has no start.
     pub(crate) fn take(
         &mut self,
-        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        observation: Observation,
+        restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        let Addition { observation, replaced, restart } = addition;
         self.settle(None);
-        for (index, observation) in replaced {
-            self.photographs.replace(index, observation)?;
-        }
         if let Some(start) = start {
             self.stage = Stage::Settled(Some(start.clone()));
         }
@@ -210,7 +209,7 @@ impl Estimation {
         self.photographs.add(observation)
     }
 
-    /// Begins the fit of the photographs taken, `start` as for the latest of them.
+    /// Begins the fit. `start` has the maps of the first photograph.
     ///
     /// # Errors
     /// When a network is broken.
@@ -226,7 +225,7 @@ impl Estimation {
                 latent.add_photograph(added)?;
             }
         }
-        (self.cut, self.record) = (None, None);
+        (self.early_stop, self.record) = (None, None);
         self.measure();
         self.begin();
         Ok(())
@@ -238,7 +237,7 @@ impl Estimation {
         LatentFit::new(self.networks.clone(), start, size, &self.options.latent)
     }
 
-    /// Begins anew with the photographs as they are now.
+    /// Restarts from the photo network's maps with the photographs as they are now.
     fn restart(&mut self) -> Result<()> {
         let Some(first) = self.photographs.full().first() else { return Ok(()) };
         let start = first_maps(&self.networks, first)?;
@@ -253,44 +252,44 @@ impl Estimation {
         Ok(())
     }
 
-    /// Begins the fit of the photographs so far.
     pub(super) fn begin(&mut self) {
         (self.fraction, self.reports) = (0.0, Vec::new());
         let Stage::Settled(maps) = &mut self.stage else { return };
-        // The baseline goes on with the maps, all others with the latent code.
+        // The baseline continues with the maps, the other method with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
-        let belief = maps.map(|maps| Belief::new(maps, &self.options));
-        let coarse = self.photographs.thinning() > 0;
+        self.begun_with = (self.photographs.correction().clone(), maps.clone());
+        let map_state = maps.map(|maps| MapState::new(maps, &self.options));
+        let coarse = self.photographs.stride_log2() > 0;
         let schedule = Schedule::new(self.task, self.photographs.len(), coarse);
-        self.stage = Stage::Running(Box::new(Run { schedule, belief }));
+        self.stage = Stage::Running(Box::new(Run { schedule, map_state }));
     }
 
-    /// Ends what is in progress, its maps being the latest.
-    pub(super) fn settle(&mut self, cut: Option<Cut>) {
-        self.cut = self.cut.or(cut);
+    /// Ends the fit with its current maps.
+    pub(super) fn settle(&mut self, early_stop: Option<EarlyStop>) {
+        self.early_stop = self.early_stop.or(early_stop);
         let maps = match std::mem::replace(&mut self.stage, Stage::Settled(None)) {
             Stage::Settled(maps) => maps,
             Stage::Running(run) => {
                 self.reports = run.schedule.reports;
                 let latent = || self.latent.as_ref().map(LatentFit::maps);
-                run.belief.map(|belief| belief.maps).or_else(latent)
+                run.map_state.map(|map_state| map_state.maps).or_else(latent)
             }
         };
         self.stage = Stage::Settled(maps.map(|maps| self.full_size(maps)));
     }
 
-    /// The maps as they are now, of the size that is worked with.
+    /// The current maps at the resolution of the stage.
     pub(super) fn shown(&self) -> Option<Cow<'_, Svbrdf>> {
         match &self.stage {
             Stage::Settled(maps) => maps.as_ref().map(Cow::Borrowed),
-            Stage::Running(run) => match &run.belief {
-                Some(belief) => Some(Cow::Borrowed(&belief.maps)),
+            Stage::Running(run) => match &run.map_state {
+                Some(map_state) => Some(Cow::Borrowed(&map_state.maps)),
                 None => self.latent.as_ref().map(|latent| Cow::Owned(latent.maps())),
             },
         }
     }
 
-    /// What each phase has done for the photographs so far, in their order.
+    /// Reports of the phases for the photographs so far, in order.
     pub fn reports(&self) -> &[PhaseReport] {
         match &self.stage {
             Stage::Settled(_) => &self.reports,
@@ -304,22 +303,22 @@ impl Estimation {
         }
     }
 
-    /// Maps in work at the photographs' resolution.
+    /// Maps interpolated to the photographs' resolution.
     fn full_size(&self, maps: Svbrdf) -> Svbrdf {
         match self.photographs.full().first() {
             Some(full) if maps.width() < full.width() => {
-                interpolated(&maps, self.photographs.thinning())
+                interpolated(&maps, self.photographs.stride_log2())
             }
             _ => maps,
         }
     }
 
-    /// The maps of the latent code alone, at the photographs' resolution.
+    /// The maps of the latent code, at the photographs' resolution.
     pub fn latent_maps(&self) -> Option<Svbrdf> {
         self.latent.as_ref().map(|latent| self.full_size(latent.maps()))
     }
 
-    /// The maps as they are now.
+    /// The current maps at the photographs' resolution.
     ///
     /// # Errors
     /// Without photographs.
@@ -328,16 +327,16 @@ impl Estimation {
         Ok(self.full_size(maps.into_owned()))
     }
 
-    /// One step, counted on the meter where it is an optimiser's.
+    /// One step; the meter counts those of optimisers.
     ///
     /// # Errors
     /// When a network is broken or a loss is not finite.
     pub fn step(&mut self, meter: &mut Meter) -> Result<Step> {
         let Stage::Running(run) = &mut self.stage else { return Ok(self.taken(None)) };
         let phase = run.schedule.phase();
-        // The latent code ends by itself.
-        let ended = if run.belief.is_some() && meter.exhausted(1.0) {
-            self.cut = self.cut.or(Some(Cut::Budget));
+        // The latent phase checks the budget itself.
+        let ended = if run.map_state.is_some() && meter.exhausted(1.0) {
+            self.early_stop = self.early_stop.or(Some(EarlyStop::Budget));
             true
         } else {
             let context = &mut Context {
@@ -346,10 +345,10 @@ impl Estimation {
                 task: self.task,
                 photographs: &mut self.photographs,
                 latent: &mut self.latent,
-                belief: &mut run.belief,
+                map_state: &mut run.map_state,
                 meter,
                 loss: &mut self.loss,
-                cut: &mut self.cut,
+                early_stop: &mut self.early_stop,
                 record: self.keep_record.then_some(&mut self.record),
             };
             run.schedule.step(context)?
@@ -362,21 +361,22 @@ impl Estimation {
         Ok(self.taken(phase))
     }
 
-    /// A step that was taken.
+    /// Report of a step.
     fn taken(&self, phase: Option<Phase>) -> Step {
         Step { phase, loss: self.loss, fraction: self.fraction(), done: self.is_done() }
     }
 
-    /// Goes on with an estimate that was cut short, if the budget allows it now; whether there is
-    /// something to do.
+    /// Continues an estimate that stopped early, if the budget now allows it. Returns whether a step remains.
     pub fn extend(&mut self, meter: &Meter) -> bool {
-        let allowed = match self.cut {
+        let allowed = match self.early_stop {
             None => false,
-            Some(Cut::Budget) => !meter.exhausted(1.0),
-            Some(Cut::Invisible) => !meter.budget.stop_when_invisible && !meter.exhausted(1.0),
+            Some(EarlyStop::Budget) => !meter.exhausted(1.0),
+            Some(EarlyStop::Invisible) => {
+                !meter.budget.stop_when_invisible && !meter.exhausted(1.0)
+            }
         };
         if allowed {
-            self.cut = None;
+            self.early_stop = None;
             self.begin();
         }
         !self.is_done()

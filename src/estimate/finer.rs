@@ -1,9 +1,8 @@
-//! Maps of thinned-out photographs at full resolution.
+//! Maps of strided photographs at full resolution.
 //!
-//! In a small window albedos and roughness are close to linear in colour: a linear model of each
-//! window of the coarse maps, applied to the colours of all texels, has detail that lies between the
-//! texels of the coarse maps (He and Sun, *Fast guided filter*, 2015). Slopes do not go with colour
-//! and are interpolated.
+//! Within a small window, albedos and roughness are nearly linear in colour. A linear model of each window of
+//! the coarse maps, applied to the colours of all texels, restores detail between the coarse texels (He and
+//! Sun, *Fast guided filter*, 2015). Slopes do not correlate with colour and are interpolated.
 
 use std::ops::Range;
 
@@ -16,18 +15,18 @@ use super::photographs::Photographs;
 use crate::Svbrdf;
 use crate::interpolation::{between, bilinear};
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, channel, thinned};
+use crate::svbrdf::{CHANNELS, channel, strided};
 
-/// Variance of colours, as roots of albedos, that explains nothing: theirs by noise.
+/// Variance of the noise of colours, as roots of albedos.
 const RIDGE: f32 = 1e-4;
-/// Coordinates that go with colour.
+/// Coordinates that correlate with colour.
 const GUIDED: Range<usize> = channel::DIFFUSE..CHANNELS;
 const COUNT: usize = GUIDED.end - GUIDED.start;
 
-/// Coefficients of a window: of three colours, and a constant, for each guided coordinate.
+/// Coefficients of a window for each guided coordinate: three colours and a constant.
 type Model = [[f32; 4]; COUNT];
 
-/// Colours of all texels as the photographs show them, see [`colours`].
+/// Colours of all texels, see [`colours`].
 pub(super) fn full_colours(photographs: &Photographs) -> Vec<Feature> {
     let (full, given) = (photographs.full(), photographs.given());
     let Some(first) = full.first() else { return Vec::new() };
@@ -39,7 +38,7 @@ pub(super) fn full_colours(photographs: &Photographs) -> Vec<Feature> {
     colours(given, width * height, place, seen)
 }
 
-/// Maps of `2^times` times as many texels along each side, interpolated.
+/// Maps interpolated to `2^times` as many texels along each side.
 pub(super) fn interpolated(coarse: &Svbrdf, times: u32) -> Svbrdf {
     let grid = Grid { columns: coarse.width(), rows: coarse.height(), times };
     let mut fine = Svbrdf::new(coarse.width() << times, coarse.height() << times);
@@ -47,27 +46,27 @@ pub(super) fn interpolated(coarse: &Svbrdf, times: u32) -> Svbrdf {
     fine
 }
 
-/// Colours at two resolutions, to refine maps by.
+/// Colours at two resolutions that guide the refinement of maps.
 pub(super) struct Guide {
     grid: Grid,
-    /// Texels of a window to each side of its middle.
+    /// Radius of a window, texels.
     radius: usize,
     fine: Vec<Feature>,
     coarse: Vec<Feature>,
 }
 
 impl Guide {
-    /// The colours of photographs that are thinned out, and windows of so many texels to each side.
+    /// The colours of strided photographs, and windows of this radius.
     pub fn new(photographs: &Photographs, radius: usize) -> Self {
-        let (fine, times) = (full_colours(photographs), photographs.thinning());
+        let (fine, times) = (full_colours(photographs), photographs.stride_log2());
         let first = photographs.full().first();
         let [width, height] = first.map_or([1, 1], |o| [o.width(), o.height()]);
-        let coarse = thinned(&fine, width, times);
+        let coarse = strided(&fine, width, times);
         let grid = Grid { columns: width >> times, rows: height >> times, times };
         Self { grid, radius, fine, coarse }
     }
 
-    /// Maps of the thinned-out texels at full resolution.
+    /// Maps of the strided texels at full resolution.
     pub fn refined(&self, coarse: &Svbrdf) -> Svbrdf {
         let Grid { columns, rows, times } = self.grid;
         let mut fine = Svbrdf::new(columns << times, rows << times);
@@ -123,7 +122,7 @@ impl Guide {
     }
 }
 
-/// Texels of which each stands for `2^times` along each side, and is the one in their middle.
+/// A coarse grid. Each of its texels is the middle one of `2^times` fine texels along each side.
 #[derive(Debug, Clone, Copy)]
 struct Grid {
     columns: usize,
@@ -132,8 +131,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Fills a fine plane: a texel's value from its index, its four coarse neighbours (north-west,
-    /// north-east, south-west, south-east) and its place between them, 0 to 1.
+    /// Fills a fine plane. `value` gets a texel's index, its four coarse neighbours (north-west, north-east,
+    /// south-west, south-east) and its place between them, 0 to 1.
     fn fill(&self, plane: &mut [f32], value: impl Fn(usize, [usize; 4], [f32; 2]) -> f32 + Sync) {
         let step = 1usize << self.times;
         let near = |i: usize, n: usize| between((i as f32 - (step / 2) as f32) / step as f32, n);
@@ -162,7 +161,7 @@ mod tests {
     const SIDE: usize = 64;
 
     #[test]
-    fn detail_between_the_texels_comes_back_with_its_colour() {
+    fn detail_between_coarse_texels_follows_colour() {
         let truth = two_tones(SIDE);
         let mut flat = truth.clone();
         for c in [channel::SLOPE_X, channel::SLOPE_Y] {
@@ -170,7 +169,7 @@ mod tests {
         }
         let mut photographs = Photographs::new().limited(usize::MAX, SIDE / 4);
         photographs.add(photograph(&flat, view_from([90.0, 0.0, 100.0]))).unwrap();
-        let coarse = truth.thinned(2);
+        let coarse = truth.strided(2);
         let mean_error = |maps: &Svbrdf, c: usize| {
             let pairs = maps.plane(c).iter().zip(truth.plane(c));
             pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / truth.texels() as f32
@@ -178,20 +177,20 @@ mod tests {
         let (refined, smooth) =
             (Guide::new(&photographs, 2).refined(&coarse), interpolated(&coarse, 2));
         for c in [channel::ROUGHNESS, channel::DIFFUSE] {
-            // what the photograph's highlight adds to the colours is left
+            // The photograph's highlight adds to the colours and leaves an error.
             let (guided, plain) = (mean_error(&refined, c), mean_error(&smooth, c));
             assert!(guided < 0.3 * plain, "{c}: {guided} {plain}");
         }
-        // slopes do not go with colour
+        // Slopes do not correlate with colour.
         assert_eq!(refined.plane(channel::SLOPE_X), smooth.plane(channel::SLOPE_X));
     }
 
     #[test]
-    fn texels_that_were_kept_keep_their_interpolated_values() {
+    fn interpolation_keeps_the_strided_texels() {
         let truth = two_tones(SIDE);
         for times in 1..4 {
-            let fine = interpolated(&truth.thinned(times), times);
-            assert_eq!(fine.thinned(times), truth.thinned(times));
+            let fine = interpolated(&truth.strided(times), times);
+            assert_eq!(fine.strided(times), truth.strided(times));
             assert_eq!([fine.width(), fine.height()], [SIDE; 2]);
         }
     }

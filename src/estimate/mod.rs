@@ -1,42 +1,44 @@
 //! The estimator: maps from rectified photographs whose cameras and lights are known.
 //!
 //! # Model
-//! Per texel, `x` are nine coordinates: two slopes, square roots of diffuse and specular albedo (three
-//! each), roughness. One model, the negative logarithm of a posterior, stands behind all phases:
+//! Each texel has nine coordinates `x`: two slopes, square roots of diffuse and specular albedo (three each),
+//! and roughness. One negative logarithm of a posterior is the model of all phases:
 //!
 //! ```text
 //! E(x, m, Λ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ_c      residuals over noise
 //!                 + Σ texels                     ½ (x − m)ᵀ Λ (x − m)         prior of the texels
-//!                 + gloss of classes, what all texels share                   their own priors
+//!                 + priors of the gloss of classes and of the numbers that all texels share
 //!
 //! r_ic = ln(R(x; v_i)_c + 0.01) − ln(I_ic + 0.01)
 //! ```
 //!
-//! with the renderer `R` ([`crate::render`]), the radiance `I` of photograph `i` and its weight `w`
-//! (foreshortening, validity; one-sided where saturated), its view `v` (camera, light, ambient
-//! light) and the noise `σ` of each colour. The latent code minimises the mean of `|r|` alone; the relief phase
-//! holds `x` to the latent maps, with `σ` from the residuals; the joint solve and the last steps hold `x` to
+//! The renderer is `R` ([`crate::render`]). Photograph `i` has radiance `I`, weight `w` (foreshortening and
+//! validity; one-sided where saturated) and view `v` (camera, light, ambient light). Each colour has noise
+//! `σ`. The latent code minimises the mean of `|r|` alone. The relief phase holds `x` to the latent maps,
+//! with `σ` from the residuals. The joint solve and the last steps hold `x` to
 //!
 //! ```text
 //! m = learned slopes  +  gloss of classes  +  colour of the photographs       joint/
 //! ```
 //!
-//! with sigmas `Λ^-½` that predict photographs left out, and one `σ` for noise and the error of the lobe.
+//! with one `σ` for noise and error of the lobe, and with sigmas `Λ^-½` that predict photographs left out.
 //!
 //! # Files
-//! `phases` has the phases and their order, [`options`] the numbers of the model, `estimation` the state of an
-//! estimate. `latent` is the latent code, `solver` and `posterior` are steps of single texels, `relief` is the
-//! network that completes them, `joint` is the joint solve and the choice of its prior, `bundle` its engine.
-//! [`assessment`](crate::assessment) reads the result.
+//! - `phases`: the phases and their order; [`options`]: the numbers of the model; `estimation`: the state of
+//!   an estimate.
+//! - `latent`: the latent code; `solver`, `posterior`: steps of single texels; `relief`: the network that
+//!   completes slopes.
+//! - `joint`: the joint solve and the choice of its prior; `bundle`: its engine.
+//! - [`assessment`](crate::assessment) evaluates the result.
 //!
-//! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
-//! twelve photographs in a step (`photographs`); the last steps see all photographs at full size (`finer`).
+//! Phases work on at most 256 texels along each side and see at most twelve photographs in a step; the latent
+//! code works on averages of at most 128 (`photographs`). The last steps see all photographs at full size
+//! (`finer`).
 //!
 //! `docs/method.md` has a diagram and a glossary.
 
 mod adam;
 mod baseline;
-mod belief;
 mod budget;
 mod bundle;
 mod clusters;
@@ -46,6 +48,7 @@ mod estimation;
 mod finer;
 mod joint;
 mod latent;
+mod map_state;
 mod memory;
 mod noise;
 pub mod options;
@@ -64,7 +67,7 @@ pub(crate) use budget::Meter;
 pub use coordinates::coordinates;
 pub use correction::{Correction, LightCorrection};
 pub use estimation::Step;
-pub(crate) use estimation::{Addition, Estimation, first_maps};
+pub(crate) use estimation::{Estimation, first_maps};
 pub(crate) use memory::bytes_needed;
 pub(crate) use noise::Noise;
 pub use options::EstimateOptions;

@@ -1,4 +1,4 @@
-//! Parts of photographs that do not count because they contradict other photographs.
+//! Outlier regions of photographs, masked in the fit.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,44 +6,44 @@ use crate::observation::Observation;
 use crate::svbrdf::MAX_SAVED_SIDE;
 use crate::{Error, Result};
 
-/// Share of the cells from which on it is no part but the photograph that contradicts the others.
+/// Share of cells above which the whole photograph is the outlier.
 const PART_MAX: f32 = 0.6;
 
-/// A part of a photograph that contradicts the others.
+/// An outlier region: a part of a photograph that contradicts the others.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// Share of the sample, 0 to 1.
     pub share: f32,
-    /// Its middle: parts of the sample's width from the left and of its height from the top.
+    /// Its centre, as fractions of the sample's width from the left and of its height from the top.
     pub centre: [f32; 2],
-    /// Measured over what the other photographs show.
+    /// Ratio of the measured radiance to the prediction from the other photographs.
     pub ratio: f32,
 }
 
-/// Cells of a photograph that contradict the others.
+/// Outlier regions of a photograph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Contradiction {
     /// Columns and rows.
     pub size: [usize; 2],
-    /// Whether each contradicts them, row by row.
+    /// Whether each cell is an outlier, row by row.
     pub cells: Vec<bool>,
-    /// The largest part.
+    /// The largest region.
     pub part: Part,
 }
 
 impl Contradiction {
-    /// Nothing of a photograph.
+    /// No outlier.
     pub fn none(size: [usize; 2]) -> Self {
         let part = Part { share: 0.0, centre: [0.5; 2], ratio: 1.0 };
         Self { size, cells: vec![false; size[0] * size[1]], part }
     }
 
-    /// All of a photograph.
+    /// The whole photograph.
     pub fn whole(size: [usize; 2]) -> Self {
         Self { cells: vec![true; size[0] * size[1]], ..Self::none(size) }
     }
 
-    /// With one more region.
+    /// Adds regions.
     pub fn add(&mut self, other: &Self) {
         for (cell, added) in self.cells.iter_mut().zip(&other.cells) {
             *cell |= added;
@@ -53,19 +53,19 @@ impl Contradiction {
         }
     }
 
-    /// The largest part, unless most of the photograph contradicts the others.
+    /// The largest region, unless most of the photograph is an outlier.
     pub fn largest_part(&self) -> Option<Part> {
         let cells = self.cells.iter().filter(|cell| **cell).count() as f32;
         (cells <= PART_MAX * self.cells.len() as f32).then_some(self.part)
     }
 
-    /// A photograph without these cells.
+    /// The photograph with weight 0 in these cells.
     pub fn taken_from(&self, photograph: &Observation) -> Observation {
         let ([columns, rows], width, height) = (self.size, photograph.width(), photograph.height());
         photograph.without(|x, y| self.cells[y * rows / height * columns + x * columns / width])
     }
 
-    /// Whether it may have been found in a photograph.
+    /// Checks the ranges of values that were read.
     pub fn check(&self) -> Result<()> {
         let Self { size: [columns, rows], cells, part } = self;
         let numbers = [part.share, part.centre[0], part.centre[1], part.ratio];

@@ -1,9 +1,7 @@
-//! The photographs of an estimate: radiances at several resolutions, and the one owner of their
-//! views.
+//! The photographs of an estimate at several resolutions, and their views.
 //!
-//! Phases work with at most 256 texels along each side: of larger photographs with every second,
-//! every fourth, ... texel as it is, as averages are rougher than the texels: they hide relief. The latent
-//! code alone, which knows no single texels, sees averages.
+//! Phases work on at most 256 texels along each side. Larger photographs are strided: every second, fourth,
+//! ... texel is kept, because averages would hide relief. Only the latent code works on averages.
 
 use std::borrow::Cow;
 
@@ -14,54 +12,53 @@ use crate::observation::{Observation, View};
 use crate::svbrdf::{halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 
-/// Shortest side that is kept, texels.
+/// Least shorter side of a kept level, texels.
 const MIN_TEXELS: usize = 32;
 
-/// Rectified photographs of one size. Views are kept as given and as corrected.
+/// Rectified photographs of one size, with given and corrected views.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Photographs {
-    /// Views before their correction.
+    /// Uncorrected views.
     given: Vec<View>,
     correction: Correction,
-    /// At full resolution, views as corrected, without what contradicts other photographs.
+    /// Full resolution, corrected views, outlier regions masked.
     full: Vec<Observation>,
-    /// What that is, and the photographs with it.
-    set_aside: Vec<Option<(Contradiction, Observation)>>,
-    /// The same halved once, twice, ...; none where they are thinned out.
+    /// Outlier regions, and the photographs without the mask.
+    masked: Vec<Option<(Contradiction, Observation)>>,
+    /// Photographs halved once, twice, ...; none if they are strided.
     levels: Vec<Vec<Observation>>,
-    /// Photographs that a step sees, at most.
+    /// Largest number of photographs in a step.
     at_once: usize,
-    /// Texels along the longer side that phases work with, at most.
+    /// Largest number of texels along the longer side in a phase.
     working_texels: usize,
-    /// Those that phases work with, where the others are larger.
-    thinned: Option<Box<Self>>,
-    /// Of these, averages of as many texels as the latent code is fitted at.
+    /// Strided photographs for the phases, if the full ones are larger.
+    strided: Option<Box<Self>>,
+    /// Averages for the latent code, if photographs are strided.
     averaged: Vec<Observation>,
 }
 
 impl Photographs {
-    /// None yet.
+    /// No photographs.
     pub fn new() -> Self {
         Self {
             given: Vec::new(),
             correction: Correction::default(),
             full: Vec::new(),
-            set_aside: Vec::new(),
+            masked: Vec::new(),
             levels: Vec::new(),
             at_once: usize::MAX,
             working_texels: usize::MAX,
-            thinned: None,
+            strided: None,
             averaged: Vec::new(),
         }
     }
 
-    /// The same, of which a step sees so many at most, and phases so many texels along the longer
-    /// side.
+    /// Limits the photographs of a step, and the texels along the longer side in phases.
     pub fn limited(self, at_once: usize, working_texels: usize) -> Self {
         Self { at_once: at_once.max(1), working_texels, ..self }
     }
 
-    /// The same with photographs, their views as given, and a correction of these.
+    /// Adds photographs with uncorrected views, and a correction.
     ///
     /// # Errors
     /// When sizes differ.
@@ -75,21 +72,25 @@ impl Photographs {
         Ok(self)
     }
 
-    /// Photographs so far.
+    /// Number of photographs.
     pub fn len(&self) -> usize {
         self.full.len()
     }
 
-    /// Median (of two the smaller) of what the photographs' calibration shows of the standard deviation of log radiances; 0
-    /// where it shows nothing.
+    /// Median (the lower of two) of the photographs' deviations of log radiances, as their boards show them;
+    /// 0 without a board.
     pub fn log_sigma(&self) -> f32 {
-        let mut told: Vec<f32> =
+        let mut sigmas: Vec<f32> =
             self.full.iter().map(|o| o.log_sigma).filter(|sigma| *sigma > 0.0).collect();
-        let middle = told.len().saturating_sub(1) / 2;
-        if told.is_empty() { 0.0 } else { *told.select_nth_unstable_by(middle, f32::total_cmp).1 }
+        let middle = sigmas.len().saturating_sub(1) / 2;
+        if sigmas.is_empty() {
+            0.0
+        } else {
+            *sigmas.select_nth_unstable_by(middle, f32::total_cmp).1
+        }
     }
 
-    /// Adds a photograph whose view is as given.
+    /// Adds a photograph with an uncorrected view.
     ///
     /// # Errors
     /// When its size is not that of the first.
@@ -99,19 +100,19 @@ impl Photographs {
         self.given.push(observation.view);
         observation.view = self.correction.apply(&observation.view, index);
         self.full.push(observation);
-        self.set_aside.push(None);
-        if index == 0 && self.thinning() > 0 {
-            self.thinned = Some(Box::new(Self::new().limited(self.at_once, usize::MAX)));
+        self.masked.push(None);
+        if index == 0 && self.stride_log2() > 0 {
+            self.strided = Some(Box::new(Self::new().limited(self.at_once, usize::MAX)));
         } else if index == 0 {
             self.levels = vec![Vec::new(); halvings(&self.full[0])];
         }
-        let (times, averaging) = (self.thinning(), self.averaging());
+        let (times, averaging) = (self.stride_log2(), self.averaging());
         let (given, full) = (self.given[index], &self.full[index]);
-        if let Some(thinned) = &mut self.thinned {
-            let mut observation = full.thinned(times);
+        if let Some(strided) = &mut self.strided {
+            let mut observation = full.strided(times);
             observation.view = given;
-            thinned.add(observation)?;
-            thinned.correct(self.correction.clone());
+            strided.add(observation)?;
+            strided.correct(self.correction.clone());
             self.averaged.push(halved(full, averaging, Observation::downsampled));
         }
         let mut small = Cow::Borrowed(full);
@@ -122,7 +123,7 @@ impl Photographs {
         Ok(())
     }
 
-    /// Puts another in the place of a photograph, its view as given; nothing where there is none of that
+    /// Replaces a photograph by one with an uncorrected view; does nothing without a photograph of this
     /// index.
     ///
     /// # Errors
@@ -133,7 +134,7 @@ impl Photographs {
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
         *old = observation;
-        self.set_aside[index] = None;
+        self.masked[index] = None;
         self.derive(index);
         Ok(())
     }
@@ -148,37 +149,38 @@ impl Photographs {
         Ok(())
     }
 
-    /// A photograph with what contradicts others.
-    pub fn seen(&self, index: usize) -> Observation {
-        let Some((_, seen)) = &self.set_aside[index] else { return self.full[index].clone() };
+    /// A photograph without its mask.
+    pub fn unmasked(&self, index: usize) -> Observation {
+        let Some((_, seen)) = &self.masked[index] else { return self.full[index].clone() };
         let mut seen = seen.clone();
         seen.view = self.full[index].view;
         seen
     }
 
-    /// What contradicts others in each photograph.
+    /// Outlier regions of each photograph.
     pub fn contradictions(&self) -> impl Iterator<Item = Option<&Contradiction>> {
-        self.set_aside.iter().map(|aside| aside.as_ref().map(|(found, _)| found))
+        self.masked.iter().map(|masked| masked.as_ref().map(|(regions, _)| regions))
     }
 
-    /// Leaves out of a photograph what contradicts others, instead of what was left out before.
-    pub fn set_aside(&mut self, index: usize, found: Option<Contradiction>) {
-        if found.is_none() && self.set_aside[index].is_none() {
+    /// Masks outlier regions of a photograph instead of those masked before.
+    pub fn mask(&mut self, index: usize, regions: Option<Contradiction>) {
+        if regions.is_none() && self.masked[index].is_none() {
             return;
         }
-        let seen = self.seen(index);
-        self.full[index] = found.as_ref().map_or(seen.clone(), |found| found.taken_from(&seen));
-        self.set_aside[index] = found.map(|found| (found, seen));
+        let seen = self.unmasked(index);
+        self.full[index] =
+            regions.as_ref().map_or(seen.clone(), |regions| regions.taken_from(&seen));
+        self.masked[index] = regions.map(|regions| (regions, seen));
         self.derive(index);
     }
 
-    /// Halves and thins out a photograph that has changed.
+    /// Halves and strides a photograph that has changed.
     fn derive(&mut self, index: usize) {
-        let (times, averaging) = (self.thinning(), self.averaging());
-        if let Some(thinned) = &mut self.thinned {
-            thinned.full[index] = self.full[index].thinned(times);
-            thinned.given[index] = self.given[index];
-            thinned.derive(index);
+        let (times, averaging) = (self.stride_log2(), self.averaging());
+        if let Some(strided) = &mut self.strided {
+            strided.full[index] = self.full[index].strided(times);
+            strided.given[index] = self.given[index];
+            strided.derive(index);
             self.averaged[index] = halved(&self.full[index], averaging, Observation::downsampled);
         }
         let mut small = Cow::Borrowed(&self.full[index]);
@@ -188,12 +190,12 @@ impl Photographs {
         }
     }
 
-    /// At full resolution.
+    /// Photographs at full resolution.
     pub fn full(&self) -> &[Observation] {
         &self.full
     }
 
-    /// Halved so many times. Sizes must be even so often.
+    /// Photographs after this many halvings, which their size must allow.
     pub fn level(&self, halvings: u32) -> Cow<'_, [Observation]> {
         match (halvings, self.levels.get(halvings as usize - usize::from(halvings > 0))) {
             (0, _) => Cow::Borrowed(&self.full),
@@ -202,40 +204,40 @@ impl Photographs {
         }
     }
 
-    /// Photographs that a step sees: all, or the latest third and of the others, in turn, some that
-    /// are evenly spaced.
-    pub fn drawn(&self, turn: usize) -> Vec<usize> {
+    /// Photographs that a step sees: all, or the latest third and an evenly spaced subset of the others,
+    /// which shifts with `round`.
+    pub fn subset(&self, round: usize) -> Vec<usize> {
         let (count, latest) = (self.len(), self.at_once.div_ceil(3));
         if count <= self.at_once {
             return (0..count).collect();
         }
         let (earlier, others) = (count - latest, self.at_once - latest);
-        let mut drawn: Vec<usize> =
-            (0..others).map(|i| (turn + i * earlier / others) % earlier).collect();
-        drawn.sort_unstable();
-        drawn.extend(earlier..count);
-        drawn
+        let mut subset: Vec<usize> =
+            (0..others).map(|i| (round + i * earlier / others) % earlier).collect();
+        subset.sort_unstable();
+        subset.extend(earlier..count);
+        subset
     }
 
-    /// Some photographs.
+    /// The photographs with these indices.
     pub fn some(&self, which: &[usize]) -> Cow<'_, [Observation]> {
         chosen(&self.full, which)
     }
 
-    /// Those that the phases work with.
+    /// Photographs at the resolution of the phases.
     pub fn working(&self) -> &Self {
-        self.thinned.as_deref().unwrap_or(self)
+        self.strided.as_deref().unwrap_or(self)
     }
 
-    /// As many texels as the latent code is fitted at, averages of all.
+    /// Averages at the resolution of the latent code.
     pub fn averaged(&self) -> Cow<'_, [Observation]> {
-        match self.thinned {
+        match self.strided {
             Some(_) => Cow::Borrowed(&self.averaged),
             None => self.level(self.averaging()),
         }
     }
 
-    /// Those of the size of these maps: all texels, or those that phases work with.
+    /// Photographs of the size of these maps: full or strided.
     pub fn like(&self, maps: &Svbrdf) -> &Self {
         if self.full.first().is_some_and(|o| o.width() == maps.width()) {
             self
@@ -244,8 +246,8 @@ impl Photographs {
         }
     }
 
-    /// Of how many texels along each side phases work with one, as a power of two.
-    pub fn thinning(&self) -> u32 {
+    /// Logarithm to base 2 of the phases' stride.
+    pub fn stride_log2(&self) -> u32 {
         self.halvings_to(self.working_texels)
     }
 
@@ -254,17 +256,17 @@ impl Photographs {
         self.halvings_to(CODE_TEXELS.min(self.working_texels))
     }
 
-    /// Halvings after which the longer side has at most so many texels, or which the size allows.
+    /// Halvings to at most `texels` along the longer side, or as many as the size allows.
     pub fn halvings_to(&self, texels: usize) -> u32 {
         self.full.first().map_or(0, |first| halvings_to([first.width(), first.height()], texels))
     }
 
-    /// Views before their correction.
+    /// Uncorrected views.
     pub fn given(&self) -> &[View] {
         &self.given
     }
 
-    /// The correction in use.
+    /// The correction of the views.
     pub fn correction(&self) -> &Correction {
         &self.correction
     }
@@ -277,13 +279,13 @@ impl Photographs {
         for level in self.levels.iter_mut().chain([&mut self.full, &mut self.averaged]) {
             level.iter_mut().zip(&views).for_each(|(observation, view)| observation.view = *view);
         }
-        if let Some(thinned) = &mut self.thinned {
-            thinned.correct(self.correction.clone());
+        if let Some(strided) = &mut self.strided {
+            strided.correct(self.correction.clone());
         }
     }
 }
 
-/// Some of the photographs.
+/// The photographs with these indices.
 pub(super) fn chosen<'a>(all: &'a [Observation], which: &[usize]) -> Cow<'a, [Observation]> {
     if which.len() == all.len() {
         return Cow::Borrowed(all);
@@ -291,7 +293,7 @@ pub(super) fn chosen<'a>(all: &'a [Observation], which: &[usize]) -> Cow<'a, [Ob
     which.iter().map(|&i| all[i].clone()).collect()
 }
 
-/// How often a photograph is halved, until its shorter side is [`MIN_TEXELS`].
+/// Halvings until the shorter side is [`MIN_TEXELS`].
 fn halvings(photograph: &Observation) -> usize {
     let (width, height) = (photograph.width(), photograph.height());
     let can_be = |halvings: &u32| {
@@ -320,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_kept_or_not_are_the_halved_photographs() {
+    fn levels_are_the_halved_photographs() {
         let mut photographs = Photographs::new();
         photographs.add(photograph(512, 256, 0.5)).unwrap();
         photographs.add(photograph(512, 256, 0.25)).unwrap();
@@ -337,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_photograph_tells_the_noise() {
+    fn the_median_board_states_the_deviation() {
         let mut photographs = Photographs::new();
         assert_eq!(photographs.log_sigma(), 0.0);
         let after = [(0.0, 0.0), (0.006, 0.006), (0.002, 0.002), (0.004, 0.004), (0.009, 0.004)];
@@ -368,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn large_photographs_are_thinned_out_and_stay_alike() {
+    fn large_photographs_are_strided() {
         let n = 64 * 64;
         let radiance: Vec<f32> = (0..3 * n).map(|i| (i % 977) as f32 / 977.0).collect();
         let view = photograph(64, 64, 0.5).view;
@@ -377,7 +379,7 @@ mod tests {
         for _ in 0..2 {
             photographs.add(textured.clone()).unwrap();
         }
-        assert_eq!(photographs.thinning(), 2);
+        assert_eq!(photographs.stride_log2(), 2);
         let correction = Correction { turns: vec![[0.02, 0.0]], ..Correction::default() };
         photographs.correct(correction);
         let mut better = textured.clone();
@@ -399,17 +401,17 @@ mod tests {
     }
 
     #[test]
-    fn of_many_photographs_the_latest_and_all_others_in_turn_are_drawn() {
+    fn a_subset_has_the_latest_photographs_and_all_others_in_turn() {
         let mut photographs = Photographs::new().limited(12, usize::MAX);
         for count in 1..60 {
             photographs.add(photograph(8, 8, 0.5)).unwrap();
             let mut seen = vec![false; count];
-            for turn in 0..count {
-                let drawn = photographs.drawn(turn);
-                assert_eq!(drawn.len(), count.min(12));
-                assert!(drawn.is_sorted_by(|a, b| a < b));
-                assert!((count.saturating_sub(4)..count).all(|i| drawn.contains(&i)));
-                drawn.iter().for_each(|i| seen[*i] = true);
+            for round in 0..count {
+                let subset = photographs.subset(round);
+                assert_eq!(subset.len(), count.min(12));
+                assert!(subset.is_sorted_by(|a, b| a < b));
+                assert!((count.saturating_sub(4)..count).all(|i| subset.contains(&i)));
+                subset.iter().for_each(|i| seen[*i] = true);
             }
             assert!(seen.iter().all(|seen| *seen));
         }

@@ -1,15 +1,14 @@
-//! Sigmas of the prior of a texel's coordinates.
+//! Sigmas of the prior of a texel's coordinates, before the joint solve chooses its own.
 
 use serde::{Deserialize, Serialize};
 
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf};
 
-/// How far the truth is expected to be off the prior's mean, per coordinate.
+/// Expected deviations of the coordinates from the prior's mean.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
-    /// Standard deviations in the order of [`channel`]: slopes, square roots of albedos, roughness.
-    /// Positive.
+    /// Positive standard deviations in the order of [`channel`]: slopes, square roots of albedos, roughness.
     pub sigma: [f32; CHANNELS],
 }
 
@@ -34,14 +33,14 @@ impl Prior {
     }
 }
 
-/// Variance of a prior that makes deviations round its mean most probable: their sum of squares by
-/// the number of parameters that photographs determine (MacKay, *Bayesian interpolation*, 1992).
-/// `None` where they determine nothing.
+/// The most probable variance of deviations round a prior's mean: their sum of squares over the number of
+/// parameters that photographs determine (MacKay, *Bayesian interpolation*, 1992). `None` if they determine
+/// none.
 pub(super) fn probable_variance(squares: f64, determined: f64) -> Option<f64> {
     (determined > 0.0).then(|| squares / determined)
 }
 
-/// An error where maps have not one size.
+/// An error if the sizes of two maps differ.
 pub(super) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
     if (a.width(), a.height()) == (b.width(), b.height()) {
         return Ok(());

@@ -1,14 +1,12 @@
-//! Maximises the posterior of every texel by Levenberg-Marquardt steps, the robust loss re-weighted
-//! in each (iteratively re-weighted least squares).
+//! Maximises the posterior of each texel by Levenberg-Marquardt steps with a robust loss (iteratively
+//! reweighted least squares).
 //!
-//! The colours of a texel meet only in normal and roughness, so each channel's 2x2 block (diffuse,
-//! specular) is eliminated first (Schur complement), and 3x3 is left. What the photographs cannot see
-//! stays at the prior's mean: without it, noise would drift along such directions while the loss
-//! falls.
+//! Two colours of a texel share only normal and roughness. Each colour's 2x2 block (diffuse, specular) is
+//! eliminated first (Schur complement), which leaves 3x3. Directions that the photographs do not determine
+//! stay at the prior's mean; without the prior, noise would drift along them.
 //!
-//! Two hyper-parameters follow the maps. The noise of each colour is what the residuals show: the
-//! better the photographs agree, the less the prior counts. And the prior of slopes widens where a
-//! material turns out to be bumpier than expected ([`probable_variance`]).
+//! Each step re-estimates two hyper-parameters: the noise of each colour, from the residuals, and the sigma
+//! of slopes, which grows for a material that is bumpier than expected ([`probable_variance`]).
 
 use std::ops::Range;
 
@@ -27,47 +25,47 @@ use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
 
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f32 = 0.01;
-/// What the damping is multiplied by after a step that helps, and after one that does not.
+/// Factors of the damping after a successful and after a failed step.
 const EASE: f32 = 0.2;
 const RAISE: f32 = 8.0;
 /// Longest step of a coordinate.
 const MAX_STEP: f32 = 0.3;
-/// How much wider than the prior's the deviations of slopes may be assumed.
+/// Largest ratio of the estimated sigma of slopes to the prior's.
 const MAX_WIDENING: f32 = 4.0;
 
-/// What so many steps have come to.
+/// Result of the steps so far.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Summary {
     /// Steps taken.
     pub steps: usize,
-    /// [`render::loss`] of the maps; not a number before the first step.
+    /// [`render::loss`] of the maps; NaN before the first step.
     pub loss: f64,
-    /// The prior, its slopes as wide as the material has shown.
+    /// The prior with the estimated sigma of slopes.
     pub prior: Prior,
-    /// Scale of the log residuals in each colour: demosaicking and JPEG leave red and blue two or
-    /// three times what they leave green.
+    /// Scale of the log residuals in each colour: demosaicking and JPEG leave two or three times as much in
+    /// red and blue as in green.
     pub noise: [f32; 3],
 }
 
-/// Steps in progress on maps that the caller keeps.
+/// Steps in progress; the caller keeps the maps.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Solver {
     options: NoiseOptions,
-    /// As given.
+    /// The given prior.
     prior: Prior,
     pub state: SolverState,
-    /// Sum of all weights of the photographs.
+    /// Sum of the photographs' weights.
     weight: f64,
-    /// Whether noise and width of slopes stay as given.
+    /// Whether noise and sigma of slopes are fixed.
     fixed: bool,
 }
 
-/// What differs from step to step.
+/// State between steps.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SolverState {
     pub steps: usize,
     pub loss: f64,
-    /// Variance of slopes in units of the prior's.
+    /// Variance of slopes relative to the prior's.
     pub widening: f32,
     pub noise: [Noise; 3],
     /// Damping of each texel, relative to the diagonal.
@@ -75,7 +73,7 @@ pub(crate) struct SolverState {
 }
 
 impl Solver {
-    /// Steps from `maps`, which are brought into their range.
+    /// Before the first step from `maps`, which are clamped to their range.
     ///
     /// # Errors
     /// When sizes differ, or a sigma, the noise or the Huber threshold is not positive.
@@ -100,7 +98,7 @@ impl Solver {
         Ok(Self { options: *options, prior: *prior, state, weight, fixed: false })
     }
 
-    /// With noise that stays as given, and slopes that do not widen; nothing where it is `None`.
+    /// Fixes the noise and the sigma of slopes; does nothing for `None`.
     pub fn with_noise(mut self, noise: Option<f32>) -> Self {
         if let Some(scale) = noise {
             self.state.noise = [Noise { scale, huber: self.options.huber }; 3];
@@ -109,7 +107,7 @@ impl Solver {
         self
     }
 
-    /// What the steps so far have come to.
+    /// Result of the steps so far.
     pub fn summary(&self) -> Summary {
         let SolverState { steps, loss, noise, .. } = self.state;
         let mut prior = self.prior;
@@ -119,8 +117,8 @@ impl Solver {
         Summary { steps, loss, prior, noise: noise.map(|n| n.scale) }
     }
 
-    /// One step of the maps round the prior's `mean`; answers the mean log-L1 after it. Maps are
-    /// valid after every step. Without a photograph that shows anything nothing happens.
+    /// One step of the maps round the prior's `mean`; returns the mean log-L1 after it. Maps are valid after
+    /// every step. Does nothing if all weights are 0.
     ///
     /// # Errors
     /// When sizes differ.
@@ -161,12 +159,13 @@ impl Solver {
         }
         self.widen(squares, determined);
         let photographs = self.weight / texels as f64;
-        let found = |loss: f64| Noise::found(&self.options, loss / self.weight, photographs);
-        self.state.noise = losses.map(found);
+        let estimated =
+            |loss: f64| Noise::estimated(&self.options, loss / self.weight, photographs);
+        self.state.noise = losses.map(estimated);
         Ok(self.state.loss)
     }
 
-    /// 1 / sigma² with slopes as wide as found.
+    /// 1 / sigma², with the estimated sigma of slopes.
     fn precision(&self) -> [f32; CHANNELS] {
         let mut precision = self.prior.precision();
         for (precision, sigma) in precision[..2].iter_mut().zip(self.prior.sigma) {
@@ -175,12 +174,12 @@ impl Solver {
         precision
     }
 
-    /// Widens the prior of slopes to what was found: sums of squared deviations in sigmas, and of
-    /// the fractions of the slopes that the photographs determine.
+    /// Estimates the variance of slopes from the sums of their squared deviations, in sigmas, and of the
+    /// fractions that the photographs determine.
     fn widen(&mut self, squares: f64, determined: f64) {
         let squares = f64::from(self.state.widening) * squares;
-        if let Some(found) = probable_variance(squares, determined) {
-            self.state.widening = (found as f32).clamp(1.0, MAX_WIDENING * MAX_WIDENING);
+        if let Some(variance) = probable_variance(squares, determined) {
+            self.state.widening = (variance as f32).clamp(1.0, MAX_WIDENING * MAX_WIDENING);
         }
     }
 }
@@ -211,8 +210,8 @@ struct StepBand<'a> {
 }
 
 impl Kernel for StepBand<'_> {
-    /// Sums of what [`Solver::widen`] needs of before the step, and of the weighted log-L1 losses of
-    /// each colour after it.
+    /// The two sums of [`Solver::widen`] before the step, and the weighted log-L1 loss of each colour after
+    /// it.
     type Output = [f64; 5];
 
     #[inline(always)]
@@ -251,10 +250,10 @@ impl Kernel for StepBand<'_> {
     }
 }
 
-/// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
-/// more with stronger damping, else stays. Returns of before it the squares of the slopes'
-/// deviations from the mean in sigmas, and how many of the two slopes the photographs determine; and
-/// of after it the weighted log-L1 loss of each colour.
+/// One damped Gauss-Newton step of eight texels. A texel whose cost rises is tried once more with stronger
+/// damping, then stays. Returns the slopes' squared deviations from the mean in sigmas and the number of
+/// slopes that the photographs determine, both before the step, and the weighted log-L1 loss of each colour
+/// after it.
 #[inline(always)]
 fn step<V: Lanes>(
     posterior: &Posterior,
@@ -285,7 +284,7 @@ fn step<V: Lanes>(
             trial[c] = (from[c] + delta).clamp(low, high);
         }
         let (cost, trial_loss) = cost(posterior, &trial, mean, directions, texels.clone());
-        // 1 where the texel waited for a better value and this is one.
+        // 1 for a texel that waits and improves.
         let taken = best.if_greater(cost, waiting, zero);
         for c in 0..CHANNELS {
             x[c] = taken.if_greater(zero, trial[c], x[c]);

@@ -1,8 +1,8 @@
-//! What an estimate is asked for, and why it ended.
+//! The task of an estimate.
 
 use serde::{Deserialize, Serialize};
 
-/// How maps are found from photographs.
+/// Method of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Method {
     /// Latent code of the auto-encoder, then the posterior of every texel.
@@ -12,21 +12,21 @@ pub enum Method {
     Classic,
 }
 
-/// What an estimate is asked for.
+/// The task of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Task {
     pub method: Method,
-    /// Whether maps are refined after the latent fit.
+    /// Whether later phases refine the maps of the latent code.
     pub refine: bool,
-    /// Whether lights are only roughly known: they and ambient light are corrected.
+    /// Whether lights are only roughly known, so that they and ambient light are corrected.
     pub free_lights: bool,
 }
 
-/// Why an estimate ended early.
+/// Reason of an early stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Cut {
-    /// Time or steps were used up.
+pub(crate) enum EarlyStop {
+    /// The budget was spent.
     Budget,
-    /// What was left could not be seen.
+    /// Further changes would be invisible.
     Invisible,
 }

@@ -6,6 +6,7 @@
 
 use crate::Result;
 use crate::assessment::Evidence;
+use crate::observation::Observation;
 use crate::svbrdf::channel;
 use crate::uncertainty::Uncertainty;
 
@@ -19,8 +20,12 @@ const DIFFUSE: usize = 1;
 const SPECULAR: usize = 2;
 const ROUGHNESS: usize = 3;
 
-/// Deviations of the maps that `evidence` is about.
-pub(super) fn of_maps(evidence: &Evidence, capture: &Capture) -> Result<Uncertainty> {
+/// Deviations of the maps that `evidence` is about, with the rectified photographs of the capture.
+pub(super) fn of_maps(
+    evidence: &Evidence,
+    capture: &Capture,
+    photographs: &[Observation],
+) -> Result<Uncertainty> {
     let known = evidence.uncertainty()?;
     let maps = evidence.maps();
     let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
@@ -31,7 +36,7 @@ pub(super) fn of_maps(evidence: &Evidence, capture: &Capture) -> Result<Uncertai
     };
     let mean =
         |from: usize, texel: usize| (0..3).map(|c| maps.plane(from + c)[texel]).sum::<f32>() / 3.0;
-    if let Some(lost) = LostHighlights::find(maps, &capture.observations()) {
+    if let Some(lost) = LostHighlights::find(maps, photographs) {
         for texel in (0..texels).filter(|texel| lost.texels[*texel]) {
             let f0 = mean(channel::SPECULAR, texel);
             let highlight = narrowest(maps, texel);

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use crate::BoardDifference;
 use crate::estimate::Part;
-use crate::{BoardDifference, Rejection};
 
 /// A hint about an accepted photograph. Each names what was seen, with its figure, and the
 /// remedy.
@@ -26,14 +26,6 @@ pub enum Hint {
         /// Whether a tone curve that explains it was found and undone; the photograph is then as good
         /// as a linear one, or nearly so.
         undone: bool,
-    },
-    /// Better knowledge requires an earlier photograph to be rectified again, which is not possible.
-    #[error("photo {} stays rectified as it was: {rejection}", index + 1)]
-    NotRemade {
-        /// Its number among the accepted ones, from 0.
-        index: usize,
-        /// The reason.
-        rejection: Rejection,
     },
     /// The board is not as bright as the stated exposure has it.
     #[error(
@@ -262,10 +254,9 @@ fn place([right, down]: [f32; 2]) -> &'static str {
 
 impl Hint {
     /// Names of all kinds, see [`Hint::code`].
-    pub const CODES: [&'static str; 20] = [
+    pub const CODES: [&'static str; 19] = [
         "nothing_new",
         "not_linear",
-        "not_remade",
         "exposure_differs",
         "turned",
         "cropped",
@@ -290,7 +281,6 @@ impl Hint {
         match self {
             Self::NothingNew { .. } => "nothing_new",
             Self::NotLinear { .. } => "not_linear",
-            Self::NotRemade { .. } => "not_remade",
             Self::Exposure { .. } => "exposure_differs",
             Self::Turned => "turned",
             Self::Cropped { .. } => "cropped",

@@ -1,9 +1,10 @@
 //! Estimates the memory that a session needs before it is allocated.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex};
 
 use super::settings::Settings;
 use crate::photo::Photo;
+use crate::threads::lock;
 use crate::{Error, Result, estimate};
 
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
@@ -36,27 +37,18 @@ pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Resul
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// Memory that callers hold of photographs until these are added.
+/// Photographs that callers hold until these are added, and their bytes.
 #[derive(Default)]
-pub(super) struct Waiting(Mutex<Vec<Weak<Photograph>>>);
-
-/// A photograph that waits: its bytes, and what it needs while it is taken in.
-struct Photograph {
-    bytes: u64,
-    taken_in: u64,
-}
+pub(super) struct Waiting(Arc<Mutex<(usize, u64)>>);
 
 /// Memory of a photograph that waits to be added, see [`Session::hold`](super::Session::hold); counted until dropped.
 pub struct Held {
-    _photograph: Arc<Photograph>,
+    waiting: Arc<Mutex<(usize, u64)>>,
+    bytes: u64,
 }
 
 impl Waiting {
-    fn lock(&self) -> MutexGuard<'_, Vec<Weak<Photograph>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Counts another one, if the session may need that much beside what it keeps; one is taken in at a time.
+    /// Counts another one, if the session may need that much beside what it keeps.
     pub(super) fn hold(
         &self,
         settings: &Settings,
@@ -65,22 +57,23 @@ impl Waiting {
         [bytes, photo_bytes, pixels]: [u64; 3],
     ) -> Result<Held> {
         let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
-        let mut waiting = self.lock();
-        waiting.retain(|other| other.strong_count() > 0);
-        let others = waiting.iter().filter_map(Weak::upgrade);
-        let (sum, most) = others.fold((bytes, taken_in), |(sum, most), other| {
-            (sum.saturating_add(other.bytes), most.max(other.taken_in))
-        });
-        let beside = kept.saturating_add(sum).saturating_add(most);
-        check(settings, photos + waiting.len() + 1, beside)?;
-        let photograph = Arc::new(Photograph { bytes, taken_in });
-        waiting.push(Arc::downgrade(&photograph));
-        Ok(Held { _photograph: photograph })
+        let mut waiting = lock(&self.0);
+        let (count, sum) = (waiting.0 + 1, waiting.1.saturating_add(bytes));
+        check(settings, photos + count, kept.saturating_add(sum).saturating_add(taken_in))?;
+        *waiting = (count, sum);
+        Ok(Held { waiting: self.0.clone(), bytes })
     }
 
     /// Bytes that callers hold.
     pub(super) fn bytes(&self) -> u64 {
-        self.lock().iter().filter_map(Weak::upgrade).map(|photograph| photograph.bytes).sum()
+        lock(&self.0).1
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        let mut waiting = lock(&self.waiting);
+        *waiting = (waiting.0 - 1, waiting.1 - self.bytes);
     }
 }
 

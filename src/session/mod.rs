@@ -1,7 +1,8 @@
 //! A session: add photographs, take maps at any time.
 //!
-//! A photograph goes one way. `capture` combines it with the present knowledge into a new capture; `fit`
-//! receives the additions and changes, and publishes maps, which callers may take at any time.
+//! A photograph goes one way. `capture` records its measurements and their effect on earlier photographs; `fit`
+//! receives it rectified, rectifies the earlier ones as the record wants them, and publishes maps, which callers may
+//! take at any time.
 
 mod advice;
 mod capture;
@@ -19,13 +20,12 @@ mod state;
 mod survey;
 
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, bounded};
 use web_time::Instant;
 
-use self::capture::{Board, Capture, Placed, Remake, Taken};
+use self::capture::{Board, Capture, Placed, Rectified, Taken};
 use self::fit::{Fit, FitHandle};
 pub use self::hint::{Group, Hint};
 #[doc(hidden)]
@@ -44,7 +44,7 @@ pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 pub use crate::networks::Networks;
 use crate::photo::Photo;
-use crate::threads::Pool;
+use crate::threads::{Pool, lock};
 use crate::{Error, Rejection, Result};
 
 /// Turns photographs of one sample into maps. All methods may be called from any thread. The fit runs on
@@ -54,20 +54,12 @@ pub struct Session {
     settings: Settings,
     pool: Arc<Pool>,
     networks: Arc<Networks>,
-    /// Held while a photograph is taken in or back: what becomes of those that the fit rectifies better.
-    intake: Mutex<Remaking>,
+    /// Held while a photograph is taken in or back. Locked before `capture`.
+    intake: Mutex<()>,
     /// Knowledge from the photographs so far: replaced with every photograph, never waited for.
     capture: Mutex<Arc<Capture>>,
     waiting: Waiting,
     fit: FitHandle,
-}
-
-/// What the fit will have rectified better.
-type Remaking = Option<Receiver<Vec<Remake>>>;
-
-/// Locks a mutex whose value no panic leaves half changed.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Session {
@@ -112,7 +104,7 @@ impl Session {
         let task = settings.task(&scene);
         let estimation = Estimation::new(networks.clone(), task, options);
         let meter = Meter::new(Budget::default());
-        let fit = Fit::new(pool.clone(), estimation, meter);
+        let fit = Fit::new(pool.clone(), estimation, Vec::new(), meter);
         fit.show(None, LightCorrection::default(), 0.0, None);
         Self::start(scene, settings, networks, capture, pool, fit)
     }
@@ -139,19 +131,6 @@ impl Session {
     /// A value of the board; `None` for rectified photographs.
     fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
         self.capture().board().map(of)
-    }
-
-    /// The capture with every photograph rectified as it should be, or told why not; no other comes before the
-    /// guard is dropped. Waits for a photograph that is being added, and for a step of the fit where a photograph has just come.
-    fn settled(&self) -> Result<(MutexGuard<'_, Remaking>, Arc<Capture>)> {
-        let mut remade = lock(&self.intake);
-        if let Some(receiver) = remade.take() {
-            let all = self.fit.receive(&receiver)?;
-            if let Capture::Board(board) = Arc::make_mut(&mut lock(&self.capture)) {
-                board.adopt(all);
-            }
-        }
-        Ok((remade, self.capture()))
     }
 
     /// The settings; those of a restored session come from its saved state.
@@ -232,12 +211,10 @@ impl Session {
         let begun = Instant::now();
         self.fit.shared.usable()?;
         // Photographs are added one after the other; a running fit is not disturbed.
-        let (mut remade, known) = self.settled()?;
-        let taken = self.take(photo, &known, placed)?;
-        drop(known);
-        match taken {
+        let _intake = lock(&self.intake);
+        match self.take(photo, &self.capture(), placed)? {
             Ok((capture, taken)) => {
-                let accepted = self.accept(capture, taken, &mut remade, begun)?;
+                let accepted = self.accept(capture, taken, begun)?;
                 events::accepted(&accepted);
                 self.board(events::calibrated);
                 Ok(Outcome::Accepted(accepted))
@@ -259,27 +236,20 @@ impl Session {
         let photographs = self.fit.shared.lock().progress.photos + 1;
         let kept = known.board().map_or(0, Board::kept_bytes);
         self.check_memory(photographs, memory::while_pushed(photo, kept))?;
-        self.pool.install(|| {
-            let with = known.with(photo, placed)?;
-            Ok(with.map(|(capture, mut taken)| {
-                let hints = capture.board().map(diagnosis::of_latest).unwrap_or_default();
-                taken.observed.hints.splice(0..0, hints);
-                (capture, taken)
-            }))
-        })
+        self.pool.install(|| known.with(photo, placed))
     }
 
-    fn accept(
-        &self,
-        capture: Capture,
-        taken: Taken,
-        remade: &mut Remaking,
-        begun: Instant,
-    ) -> Result<AcceptedPhoto> {
-        let Taken { observed, remakes, restart } = taken;
-        let Observed { observation, pose, hints } = observed;
+    /// The hints about the latest photograph of a capture.
+    fn hints_of_latest(&self, capture: &Capture) -> Vec<Hint> {
+        let hints = |board| self.pool.install(|| diagnosis::of_latest(board));
+        capture.board().map(hints).unwrap_or_default()
+    }
+
+    fn accept(&self, capture: Capture, taken: Taken, begun: Instant) -> Result<AcceptedPhoto> {
+        let Taken { rectified, pose, earlier, restart } = taken;
+        let hints = self.hints_of_latest(&capture);
         let first = self.fit.shared.lock().maps.is_none();
-        let start = || self.pool.install(|| first_maps(&self.networks, &observation));
+        let start = || self.pool.install(|| first_maps(&self.networks, &rectified.observation));
         let start = if first { Some(Arc::new(start()?)) } else { None };
         let next = capture.board().and_then(Board::next_view);
         *lock(&self.capture) = Arc::new(capture);
@@ -295,11 +265,8 @@ impl Session {
             shared.progress.photos - 1
         };
         self.fit.shared.notify();
-        let (reply, receiver) = bounded(1);
-        *remade = (!remakes.is_empty()).then_some(receiver);
         // A caller that saw the maps may already have cancelled: the photograph counts all the same.
-        let add =
-            move |fit: &mut Fit| fit.add(observation, remakes, restart, start.as_deref(), &reply);
+        let add = move |fit: &mut Fit| fit.add(rectified, earlier, restart, start.as_deref());
         if !self.fit.send(add)
             && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
         {
@@ -334,9 +301,11 @@ impl Session {
 
     fn look(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<Observed>> {
         self.fit.shared.usable()?;
-        let known = self.settled()?.1;
-        let taken = self.take(photo, &known, placed)?;
-        Ok(taken.map(|(_, taken)| taken.observed).into())
+        let observed = self.take(photo, &self.capture(), placed)?.map(|(capture, taken)| {
+            let Taken { rectified: Rectified { observation, .. }, pose, .. } = taken;
+            Observed { observation, pose, hints: self.hints_of_latest(&capture) }
+        });
+        Ok(observed.into())
     }
 
     /// Removes an accepted photograph: the session, including its calibration, is as if it had never come.
@@ -355,20 +324,20 @@ impl Session {
     /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
     pub fn remove_photo(&self, index: usize) -> Result<()> {
         self.fit.shared.usable()?;
-        let (_intake, known) = self.settled()?;
+        let _intake = lock(&self.intake);
         let photos = self.fit.shared.lock().progress.photos;
         if index >= photos {
             let message = format!("{index} given, but there are {photos} photographs");
             return Err(Error::argument("index", message));
         }
-        let left = self.pool.install(|| known.without(index));
-        let left = left.map_err(|(other, rejection)| {
+        let rejected = |(other, rejection): (usize, Rejection)| {
             let why = format!("photograph {other} cannot be used without it: {rejection}");
             Error::argument("index", why)
-        })?;
-        let photographs = left.observations();
+        };
+        let left = self.pool.install(|| self.capture().without(index));
+        let (left, wanted) = left.map_err(rejected)?;
         let next = left.board().and_then(Board::next_view);
-        self.fit.ask(move |fit| fit.begin_anew(photographs, next))?;
+        self.fit.ask(move |fit| fit.remove(index, &wanted, next))?.map_err(rejected)?;
         events::removed(index);
         *lock(&self.capture) = Arc::new(left);
         self.fit.shared.notify();
@@ -466,17 +435,15 @@ mod tests {
         let settings = Settings { sample_mm: [100.0; 2], threads: 1, ..Settings::default() };
         let session = Session::new(Scene::Rectified { falloff }, settings).unwrap();
         let photo = Photo::from_linear(64, 64, vec![0.1; 3 * 64 * 64], 1.0, f32::INFINITY).unwrap();
-        let (mut remade, known) = session.settled().unwrap();
         let mm = [0.0, 0.0, 150.0];
         let placed = Some(Placed { camera_mm: mm, light_mm: mm });
-        let (capture, taken) = session.take(&photo, &known, placed).unwrap().unwrap();
+        let (capture, taken) = session.take(&photo, &session.capture(), placed).unwrap().unwrap();
         session.cancel();
         while !session.fit.has_ended() {
             std::thread::yield_now();
         }
-        let accepted = session.accept(capture, taken, &mut remade, Instant::now());
+        let accepted = session.accept(capture, taken, Instant::now());
         assert!(matches!(accepted, Ok(AcceptedPhoto { index: 0, .. })), "{accepted:?}");
-        drop(remade);
         assert!(session.snapshot().is_ok());
         assert!(matches!(session.add_photo(&photo), Err(Error::Cancelled)));
     }

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::capture::{Board, Photograph};
+use super::capture::{Board, Capture, Photograph};
+use super::fit::Fit;
 use super::reports::{BoardPose, MapsWithUncertainty, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
 use super::{Hint, Session, deviations, diagnosis, memory};
@@ -15,6 +16,7 @@ use crate::estimate::{LightCorrection, PhaseReport};
 use crate::geometry::Camera;
 use crate::photo::{Photo, ToneCurve};
 use crate::rectification::elevation::ElevationEstimate;
+use crate::threads::lock;
 use crate::{Error, Result, Svbrdf};
 
 impl Session {
@@ -120,10 +122,25 @@ impl Session {
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
-        let (_intake, capture) = self.settled()?;
-        let fits = self.photo_fits()?;
-        let maps = self.snapshot().ok();
-        Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
+        let (capture, (photographs, maps, fits)) = self.with_fit(|fit| {
+            // Without photographs there are no residuals.
+            let fits = fit.estimation.residuals().unwrap_or_default();
+            let maps = fit.shared.lock().maps.clone();
+            Ok((fit.observations(), maps, fits))
+        })?;
+        let hints = || diagnosis::of_capture(&capture, &photographs, maps.as_deref(), &fits);
+        Ok(self.pool.install(hints))
+    }
+
+    /// The record, and an answer of the fit about the same photographs. Waits for a photograph that is being added, and
+    /// for a step of the fit.
+    fn with_fit<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&mut Fit) -> Result<T> + Send + 'static,
+    ) -> Result<(Arc<Capture>, T)> {
+        let _intake = lock(&self.intake);
+        let capture = self.capture();
+        Ok((capture, self.fit.ask(question)?))
     }
 
     /// The current maps with the standard deviation of each at every texel. Computed by the call;
@@ -139,9 +156,10 @@ impl Session {
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
     pub fn snapshot_with_uncertainty(&self) -> Result<MapsWithUncertainty> {
-        let (_intake, capture) = self.settled()?;
-        let evidence = self.evidence()?;
-        let uncertainty = self.pool.install(|| deviations::of_maps(&evidence, &capture))?;
+        let (capture, (photographs, evidence)) =
+            self.with_fit(|fit| Ok((fit.observations(), fit.estimation.evidence()?)))?;
+        let uncertainty = || deviations::of_maps(&evidence, &capture, &photographs);
+        let uncertainty = self.pool.install(uncertainty)?;
         Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
     }
 

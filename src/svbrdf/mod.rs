@@ -359,9 +359,9 @@ impl Svbrdf {
     }
 
     /// Every `2^times`-th texel in each direction, unfiltered.
-    pub(crate) fn thinned(&self, times: u32) -> Self {
+    pub(crate) fn strided(&self, times: u32) -> Self {
         let size = [self.width >> times, self.height >> times];
-        self.with_planes(size, |planes| thinned(planes, self.width, times))
+        self.with_planes(size, |planes| strided(planes, self.width, times))
     }
 
     /// Halves the resolution by averages of 2x2 texels. Sizes must be even.
@@ -440,7 +440,7 @@ fn averaged(planes: &[f32], w: usize) -> Vec<f32> {
 
 /// Every `2^times`-th value in each direction of planes with `columns` columns. Columns and rows
 /// must be multiples of that.
-pub(crate) fn thinned<T: Copy>(planes: &[T], columns: usize, times: u32) -> Vec<T> {
+pub(crate) fn strided<T: Copy>(planes: &[T], columns: usize, times: u32) -> Vec<T> {
     let (step, middle) = (1 << times, (1 << times) / 2);
     let rows = planes.chunks_exact(columns).skip(middle).step_by(step);
     rows.flat_map(|row| row.iter().skip(middle).step_by(step).copied()).collect()

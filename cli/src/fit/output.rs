@@ -63,7 +63,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
-        document.value["uncertainty"] = json!(uncertainty.as_ref().map(deviations));
+        document.value["confidence"] = json!(uncertainty.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }

@@ -332,11 +332,9 @@ impl<'a> Fit<'a> {
             let before: Vec<Value> = std::mem::take(said);
             let new = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
             said.extend(new.clone());
-            // Hints that the session does not repeat: about the file, and about failed corrections.
-            let is_of_files = |hint: &&Value| {
-                let code = hint["code"].as_str().unwrap_or_default();
-                !Hint::CODES.contains(&code) || code == "not_remade"
-            };
+            // Hints that the session does not repeat: about the file.
+            let is_of_files =
+                |hint: &&Value| !Hint::CODES.contains(&hint["code"].as_str().unwrap_or_default());
             said.extend(before.iter().filter(is_of_files).cloned());
             let index = row["index"].as_u64().unwrap_or(0) as usize;
             for hint in new.filter(|hint| before.iter().all(|old| old["code"] != hint["code"])) {

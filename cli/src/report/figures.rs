@@ -130,7 +130,7 @@ fn coat([weight, roughness]: [&[f32]; 2]) -> String {
 
 /// How far the maps may be off.
 fn uncertainty(subject: &Subject) -> Option<Value> {
-    let of = |map: &str| subject.report["uncertainty"][map].as_f64();
+    let of = |map: &str| subject.report["confidence"][map].as_f64();
     // Of two tilts with one deviation, the angle between them has this mean.
     let angle = |v: f64| (v * (0.5 * std::f64::consts::PI).sqrt()).atan().to_degrees();
     group(

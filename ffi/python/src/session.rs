@@ -194,7 +194,7 @@ impl Session {
         Ok(Self(Some(Arc::new(restored))))
     }
 
-    /// The session as bytes, from which ``restore`` goes on as if nothing had happened.
+    /// The session as bytes, from which ``restore`` goes on. A fit in progress is done again.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &detached(py, || self.native().save())?))
     }

@@ -129,7 +129,7 @@ func capture(_ folder: String, _ out: URL) async throws {
     let state = out.appendingPathComponent("scan.state")
     try await scanner.save(to: state)
     let restored = try MaterialScanner(restoring: state)
-    // It goes on at once, and ends with the same bits.
+    // It goes on at once. The fit of one photo begins anew, and ends with the same maps.
     try await scanner.resume()
     try await scanner.settle()
     try await restored.settle()

@@ -1,4 +1,4 @@
-//! Photographs predicted from all others.
+//! Leave-one-out predictions of photographs.
 
 use glam::{DVec3, Vec3};
 use nalgebra::{SMatrix, SVector};
@@ -15,38 +15,38 @@ use crate::render::PointView;
 use crate::statistics::MAD_TO_SIGMA;
 use crate::svbrdf::{CHANNELS, LOBES, channel};
 
-/// How far cells may be off the maps so far: what photographs show counts, not what was made of
-/// earlier ones.
+/// Wide prior of the cells round the current maps, so that the photographs decide, not the fit to earlier
+/// ones.
 const PRIOR: Prior = Prior { sigma: [0.1, 0.1, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.2] };
-/// Log residual that errors of the model leave in a cell.
+/// Log residual of the model's error in a cell.
 const NOISE: f64 = 0.03;
-/// How far off a highlight may be, as a share of it: cells mix normals and gloss of many texels.
+/// Standard deviation of a highlight, as a share of it: a cell mixes normals and gloss of many texels.
 const HIGHLIGHT_ERROR: f64 = 0.5;
-/// Steps of the fits with and without a photograph.
+/// Steps of each fit to the cells.
 const STEPS: usize = 8;
-/// A photograph whose half vector is by so much nearer to the sample's normal than those of all others may
-/// show a highlight that nobody has seen, radians.
+/// A photograph may show a highlight that no other shows if its half vector is nearer to the sample's normal
+/// than all others' by this angle, radians.
 const NEARER: f64 = 0.035;
 
-/// How a cell of a photograph differs from what all others predict.
+/// Difference between a cell of a photograph and its prediction from all other photographs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Deviation {
     /// Logarithm of measured over predicted radiance, mean of the colours.
     pub log: f32,
-    /// Root mean square of the colours' logarithms over the standard deviation expected.
+    /// Root mean square of the colours' logarithms, in expected standard deviations.
     pub sigmas: f32,
 }
 
-/// The cells of all photographs; `None` where one shows nothing.
+/// The cells of all photographs; `None` where a photograph has weight 0 or cannot be judged.
 #[derive(Debug, Clone)]
 pub(super) struct Deviations {
     pub photographs: Vec<Vec<Option<Deviation>>>,
-    /// Cells that are not judged any more.
+    /// Cells that are no longer judged.
     forgotten: Vec<Vec<bool>>,
 }
 
 impl Deviations {
-    /// Judges these cells no more.
+    /// Stops judging these cells.
     pub fn forget(&mut self, cells: &[bool]) {
         for (photograph, forgotten) in self.photographs.iter_mut().zip(&mut self.forgotten) {
             for cell in (0..cells.len()).filter(|&cell| cells[cell]) {
@@ -55,7 +55,7 @@ impl Deviations {
         }
     }
 
-    /// The same without what was forgotten before.
+    /// These deviations without the cells that `earlier` no longer judges.
     pub fn without_forgotten(mut self, earlier: &Self) -> Self {
         for (i, forgotten) in earlier.forgotten.iter().enumerate() {
             for cell in (0..forgotten.len()).filter(|&cell| forgotten[cell]) {
@@ -66,7 +66,7 @@ impl Deviations {
     }
 }
 
-/// Each photograph against the prediction from all others.
+/// Deviations of each photograph from its prediction.
 pub(super) fn deviations(
     maps: &Svbrdf,
     photographs: &[Observation],
@@ -76,7 +76,7 @@ pub(super) fn deviations(
     let each =
         parallel::map(photographs.len(), |i| left_out(maps, &of_all, photographs, i, options));
     let each = each.into_iter().collect::<Result<Vec<_>>>()?;
-    // Errors of model and light are in all of them.
+    // All photographs share errors of model and light.
     let mut all: Vec<f32> = each.iter().flatten().flatten().map(|raw| raw.rms).collect();
     let middle = all.len() / 2;
     let usual = match all.is_empty() {
@@ -103,7 +103,7 @@ struct Raw {
     variance: f32,
 }
 
-/// Maps of the cells that explain photographs.
+/// Maps of the cells, fitted to photographs.
 fn fitted(mean: &Svbrdf, photographs: &[Observation], options: &NoiseOptions) -> Result<Svbrdf> {
     let mut maps = mean.clone();
     let solver = Solver::new(&mut maps, photographs, &PRIOR, options)?;
@@ -159,7 +159,7 @@ fn left_out(
             let measured = f64::from(photograph.radiance(c, t));
             let log =
                 ((measured.abs() + f64::from(EPSILON)) / (rendered[c] + f64::from(EPSILON))).ln();
-            // Of saturated values it is not known how bright they were.
+            // A saturated value is a lower bound.
             if measured < 0.0 { log.max(0.0) } else { log }
         });
         let rms = (log.iter().map(|v| v * v).sum::<f64>() / 3.0).sqrt();
@@ -196,7 +196,7 @@ impl Point {
     }
 }
 
-/// The share of a highlight in the radiance.
+/// The highlight's share of the radiance.
 fn highlight(view: &PointView, point: &Point) -> f64 {
     let mut without = natural(&point.at);
     without[channel::SPECULAR..][..3].fill(0.0);

@@ -1,32 +1,31 @@
-//! Regions of cells that stand out.
+//! Regions of neighbouring cells that deviate.
 
 use super::left_out::{Deviation, Deviations};
 use crate::estimate::Part;
 
-/// From what on cells stand out, and those beside them belong to them: logarithm and standard
-/// deviations.
+/// Least deviations (logarithm, standard deviations) of a clear cell, and of cells that are joined to it.
 const CLEAR: (f32, f32) = (0.15, 4.0);
 const BESIDE: (f32, f32) = (0.05, 1.7);
-/// What a standard deviation counts as in these logarithms: colours may differ without brightness.
+/// Least logarithm of a deviation of one standard deviation: colours may differ without brightness.
 const BY_SIGMAS: f32 = 0.02;
-/// Least share of the sample: of clear cells, and with those beside them.
+/// Least shares of the sample: of clear cells, and with the cells joined to them.
 const SHARE_MIN: (f32, f32) = (0.01, 0.03);
-/// A photograph that is off by more than such a share of what the clearest one is may be the wrong one instead.
+/// Another photograph may be the outlier if its deviation exceeds this share of the clearest one's.
 const RIVAL: f32 = 1.0 / 1.5;
-/// Standard deviations that others may be off there when the photograph is left out.
+/// Largest median deviation of agreeing photographs in a region, in standard deviations.
 const AGREE: f32 = 2.5;
 
-/// Neighbouring cells that are off in one photograph.
+/// Neighbouring cells that deviate in one photograph.
 #[derive(Debug, Clone)]
 pub(super) struct Region {
-    /// Those that are left out: with a border, which may be off in part.
+    /// Cells to mask: the region with a border of cells that may deviate in part.
     pub cells: Vec<bool>,
-    /// Those that are clearly off.
+    /// Cells that deviate clearly.
     clear: Vec<usize>,
     pub part: Part,
 }
 
-/// The region that is farthest off, summed over its cells, and its photograph.
+/// The region with the largest deviation, summed over its cells, and its photograph.
 pub(super) fn clearest(deviations: &Deviations, size: [usize; 2]) -> Option<(usize, Region)> {
     let all = &deviations.photographs;
     let mut best: Option<(f32, usize, Region)> = None;
@@ -41,7 +40,7 @@ pub(super) fn clearest(deviations: &Deviations, size: [usize; 2]) -> Option<(usi
     best.map(|(_, index, region)| (index, region))
 }
 
-/// Photographs that may be the wrong ones in a photograph's region.
+/// Other photographs that may be the outlier in a region.
 pub(super) fn rivals<'a>(
     deviations: &'a Deviations,
     region: &'a Region,
@@ -52,7 +51,7 @@ pub(super) fn rivals<'a>(
     (0..all.len()).filter(move |&i| i != index && off(&all[i], region) > limit)
 }
 
-/// Whether the other photographs agree in a region that one does not show any more.
+/// Whether the photographs agree in a region once photograph `index` is masked there.
 pub(super) fn agree(without: &Deviations, region: &Region, index: usize) -> bool {
     let usual = |cells: &[Option<Deviation>]| {
         let mut off: Vec<f32> =
@@ -63,7 +62,7 @@ pub(super) fn agree(without: &Deviations, region: &Region, index: usize) -> bool
     others.map(|(_, cells)| usual(cells)).all(|off| off < AGREE)
 }
 
-/// How far a photograph is off in a region, summed over its clear cells.
+/// Deviation of a photograph in a region, summed over its clear cells.
 fn off(cells: &[Option<Deviation>], region: &Region) -> f32 {
     region.clear.iter().filter_map(|&cell| cells[cell].as_ref()).map(|d| d.sigmas).sum()
 }
@@ -74,7 +73,7 @@ fn regions(cells: &[Option<Deviation>], size: [usize; 2]) -> Vec<Region> {
             .is_some_and(|d| d.sigmas > sigmas && d.log.abs().max(BY_SIGMAS * d.sigmas) > log)
     };
     let mut seen = vec![false; cells.len()];
-    let mut found = Vec::new();
+    let mut out = Vec::new();
     for start in 0..cells.len() {
         if seen[start] || !beyond(start, CLEAR) {
             continue;
@@ -94,10 +93,10 @@ fn regions(cells: &[Option<Deviation>], size: [usize; 2]) -> Vec<Region> {
         let count = members.iter().filter(|member| **member).count() as f32;
         let all = cells.len() as f32;
         if clear.len() as f32 >= SHARE_MIN.0 * all && count >= SHARE_MIN.1 * all {
-            found.push(region(cells, &members, clear, size));
+            out.push(region(cells, &members, clear, size));
         }
     }
-    found
+    out
 }
 
 fn region(

@@ -21,7 +21,7 @@ fn view(i: usize) -> View {
     }
 }
 
-/// Photographs of maps with a change of their radiances, some noise and gains that differ by 2 %.
+/// Renderings of maps with changed radiances, some noise, and gains that differ by 2 %.
 fn photographs(
     maps: &Svbrdf,
     count: usize,
@@ -43,7 +43,7 @@ fn photographs(
     (0..count).map(photograph).collect()
 }
 
-/// Materials: matt and bumpy, painted in two colours; glossy; dark and half glossy; metal on matt ground.
+/// Materials: matte and bumpy, painted in two colours; glossy; dark and half glossy; metal on matte ground.
 fn materials() -> [(&'static str, Svbrdf); 4] {
     let made = |roughness: f32, albedos: [f32; 2], specular: [f32; 2], bumps: f32| {
         let mut maps = Svbrdf::new(SIDE, SIDE);
@@ -62,14 +62,14 @@ fn materials() -> [(&'static str, Svbrdf); 4] {
         maps
     };
     [
-        ("matt", made(0.8, [0.2, 0.6], [0.04; 2], 0.25)),
+        ("matte", made(0.8, [0.2, 0.6], [0.04; 2], 0.25)),
         ("glossy", made(0.25, [0.15, 0.4], [0.05; 2], 0.03)),
         ("dark", made(0.45, [0.05, 0.08], [0.045; 2], 0.15)),
         ("metal", made(0.4, [0.02, 0.3], [0.6, 0.04], 0.05)),
     ]
 }
 
-/// Maps as they may be before a photograph comes: smooth, of mean colours.
+/// Maps as they may be before a photograph arrives: smooth, with mean colours.
 fn start(maps: &Svbrdf) -> Svbrdf {
     let mut start = Svbrdf::new(SIDE / 4, SIDE / 4);
     for c in channel::DIFFUSE..=channel::ROUGHNESS {
@@ -79,7 +79,7 @@ fn start(maps: &Svbrdf) -> Svbrdf {
     start
 }
 
-fn found(
+fn outliers(
     maps: &Svbrdf,
     count: usize,
     change: impl Fn(usize, [f32; 2], f32) -> f32,
@@ -88,17 +88,17 @@ fn found(
 }
 
 #[test]
-fn photographs_that_agree_are_left_alone() {
+fn photographs_that_agree_have_no_outliers() {
     for (name, maps) in materials() {
         for count in 3..8 {
-            let found = found(&maps, count, |_, _, v| v);
-            assert!(found.iter().all(Option::is_none), "{name}, {count}: {found:?}");
+            let outliers = outliers(&maps, count, |_, _, v| v);
+            assert!(outliers.iter().all(Option::is_none), "{name}, {count}: {outliers:?}");
         }
     }
 }
 
 #[test]
-fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
+fn a_hand_sun_and_a_shadow_are_outlier_regions() {
     let (from, to) = ([0.55, 0.1], [0.95, 0.6]);
     let inside = |at: [f32; 2]| (0..2).all(|k| from[k] < at[k] && at[k] < to[k]);
     let hand = |_: f32| 0.3_f32;
@@ -109,23 +109,25 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
             [("hand", &hand as &dyn Fn(f32) -> f32), ("sun", &sun), ("shadow", &shadow)]
         {
             for (count, bad) in [(4, 1), (5, 3), (7, 2)] {
-                let found = found(
-                    &maps,
-                    count,
-                    |i, at, v| if i == bad && inside(at) { change(v) } else { v },
-                );
+                let outliers =
+                    outliers(
+                        &maps,
+                        count,
+                        |i, at, v| if i == bad && inside(at) { change(v) } else { v },
+                    );
                 let what = format!("{name}, {fault} in photo {bad} of {count}");
-                let parts: Vec<Option<Part>> = found
+                let parts: Vec<Option<Part>> = outliers
                     .iter()
                     .map(|f| f.as_ref().and_then(Contradiction::largest_part))
                     .collect();
                 println!("{what}: {parts:?}");
                 assert!((0..count).all(|i| i == bad || parts[i].is_none()), "{what}: {parts:?}");
-                // On what is dark or metal it may be a highlight: only the others are checked.
+                // On dark or metal parts the change may be a highlight: only the other photographs are
+                // checked.
                 if matches!(name, "dark" | "metal") {
                     continue;
                 }
-                let Some(part) = parts[bad] else { panic!("{what}: nothing found") };
+                let Some(part) = parts[bad] else { panic!("{what}: no outlier") };
                 assert!((part.centre[0] - 0.75).abs() < 0.1, "{what}: {part:?}");
                 assert!((part.centre[1] - 0.35).abs() < 0.1, "{what}: {part:?}");
                 assert!((part.share - 0.2).abs() < 0.08, "{what}: {part:?}");
@@ -135,7 +137,7 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
 }
 
 #[test]
-fn a_board_in_another_light_leaves_its_photograph_out() {
+fn a_photograph_with_another_light_is_left_out() {
     let maps = &materials()[0].1;
     let sigmas = |sigmas: [f32; 4]| {
         let mut all = photographs(maps, 4, |_, _, v| v);
@@ -151,7 +153,7 @@ fn a_board_in_another_light_leaves_its_photograph_out() {
 }
 
 #[test]
-fn what_was_found_is_left_out_with_its_border() {
+fn outlier_cells_have_weight_zero() {
     let mut whole = Contradiction::none([2, 2]);
     whole.cells[1] = true;
     let photograph = Observation::new(4, 4, view(0), &[0.5; 48], &[1.0; 16]).unwrap();

@@ -1,4 +1,4 @@
-//! What is known of how far maps may be off, and what deviations it comes to.
+//! Evidence on the errors of maps, and their calibrated standard deviations.
 
 use std::ops::Range;
 
@@ -20,46 +20,44 @@ const MAPS: [Range<usize>; 4] = [
     channel::ROUGHNESS..CHANNELS,
 ];
 
-/// Texels round each over which a change is averaged, each way.
+/// Radius of the window that averages a change, texels.
 const RADIUS: usize = 2;
-/// Least values that a logarithm is taken of: of a deviation, a residual, a value, a specular albedo,
-/// a roughness, a change.
+/// Lower bounds before a logarithm.
 const MIN_DEVIATION: f32 = 1e-5;
 const MIN_RESIDUAL: f32 = 1e-3;
 const MIN_VALUE: f32 = 1e-3;
 const MIN_ROUGHNESS: f32 = 0.02;
 const MIN_CHANGE: f32 = 1e-4;
-/// Least and largest deviation that is stated of a slope, of an albedo or of roughness.
+/// Least deviation, and the largest of each map.
 const LEAST: f32 = 1e-4;
 const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
 
-/// Evidence on the errors of an estimate's maps: what the calibration of stated deviations is made of.
+/// Evidence on the errors of an estimate's maps: terms of the calibrated standard deviations.
 ///
 /// The terms of a map at a texel:
 ///
 /// | | term |
 /// |---|---|
 /// | 0 | 1 |
-/// | 1 | logarithm of the posterior's deviation, noise as the residuals show it; of the joint solve, which lets no texel follow, with its error of the model |
+/// | 1 | logarithm of the posterior's deviation, with noise from the residuals or, after the joint solve, with the error of its model |
 /// | 2 | 1 for one photograph, otherwise 0 |
 /// | 3 | logarithm of the number of photographs N |
-/// | 4 | logarithm of the texel's mean residual, times 1 - 1/N: one photograph is always explained |
-/// | 5 | the same of the sample's mean residual |
+/// | 4 | logarithm of the texel's mean residual, times 1 - 1/N, because one photograph is always explained |
+/// | 5 | the same for the sample's mean residual |
 /// | 6 | logarithm of the texel's value: tilt, albedo, roughness |
 /// | 7 | logarithm of the sample's specular albedo |
 /// | 8 | logarithm of the sample's roughness |
 /// | 9 | logarithm of the map's own variation over the sample |
-/// | 10 | logarithm of how far the map has gone from that of the latent code, round the texel |
+/// | 10 | logarithm of the map's difference from that of the latent code, round the texel |
 /// | 11 | logarithm of N/2 with the joint solve, otherwise 0 |
-/// | 12 | logarithm of the noise that squares show, in units of that of exact photographs |
+/// | 12 | logarithm of the expected noise, in units of that of exact photographs |
 pub struct Evidence {
     maps: Svbrdf,
     photographs: usize,
-    /// Whether the maps are those of the joint solve.
     joint: bool,
-    /// Noise expected of the photographs, in units of that of exact ones.
+    /// Expected noise, in units of that of exact photographs.
     noise: f32,
-    /// Of each map.
+    /// The planes of each map.
     planes: [Planes; MAPS.len()],
     /// Whether no photograph shows a texel.
     hidden: Vec<bool>,
@@ -71,16 +69,16 @@ pub struct Evidence {
 }
 
 struct Planes {
-    /// Deviation of the posterior.
+    /// Standard deviation of the posterior.
     posterior: Vec<f32>,
-    /// Root mean square change from the latent code's map, round each texel.
+    /// Root mean square difference from the latent code's map, round each texel.
     change: Vec<f32>,
     /// Standard deviation over the sample.
     variation: f32,
 }
 
 impl Estimation {
-    /// What is known of how far the maps of the moment may be off.
+    /// Evidence on the errors of the current maps.
     ///
     /// # Errors
     /// Without photographs.
@@ -94,16 +92,16 @@ impl Estimation {
         let mut posteriors = MAPS.map(|range| posterior(&maps, &spread, range));
         let (residual, mean_residual) = residuals(&spread);
         let hidden = spread.weight().iter().map(|weight| *weight <= 0.0).collect();
-        // As large as two sets of maps: not beside those that are made next.
+        // The spread is as large as two sets of maps: frees it before the next ones.
         drop(spread);
-        let base = self.latent_maps();
+        let latent = self.latent_maps();
         let planes = std::array::from_fn(|map| {
             let range = &MAPS[map];
             Planes {
                 posterior: std::mem::take(&mut posteriors[map]),
-                change: base.as_ref().map_or_else(
+                change: latent.as_ref().map_or_else(
                     || vec![0.0; maps.texels()],
-                    |base| smoothed_root(&squares(&maps, base, range.clone()), maps.width()),
+                    |latent| smoothed_root(&squares(&maps, latent, range.clone()), maps.width()),
                 ),
                 variation: variation(&maps, range.clone()),
             }
@@ -122,7 +120,7 @@ impl Estimation {
         })
     }
 
-    /// The noise that the residuals show.
+    /// Noise of the residuals.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
         if self.is_joint() {
             return Noise::of_model(self.options.joint.few.noise as f32);
@@ -130,17 +128,17 @@ impl Estimation {
         let photographs = self.photographs.full();
         let weight: f64 = photographs.iter().map(Observation::total_weight).sum();
         let loss = render::loss(maps, photographs);
-        Noise::found(&self.options.noise, loss, weight / maps.texels() as f64)
+        Noise::estimated(&self.options.noise, loss, weight / maps.texels() as f64)
     }
 }
 
 impl Evidence {
-    /// The maps it is about.
+    /// The maps.
     pub fn maps(&self) -> &Svbrdf {
         &self.maps
     }
 
-    /// The same, without the evidence.
+    /// The maps, without the evidence.
     pub fn into_maps(self) -> Svbrdf {
         self.maps
     }
@@ -181,27 +179,27 @@ impl Evidence {
         }
     }
 
-    /// The deviations that it comes to.
+    /// The calibrated standard deviations.
     ///
     /// # Errors
-    /// Never, unless the calibration is no numbers.
+    /// Never, unless the calibration is not finite.
     pub fn uncertainty(&self) -> Result<Uncertainty> {
         let texels = self.maps.texels();
         let planes = CALIBRATION.iter().enumerate().flat_map(|(map, coefficients)| {
             parallel::values(texels, |t| {
                 let terms = self.terms(map, t);
                 let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
-                let found = sum.exp();
-                // Of what was never seen the calibration knows nothing: the prior's width is added.
+                let sigma = sum.exp();
+                // The calibration does not cover unseen texels: the prior's sigma is added.
                 let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
-                found.hypot(prior).clamp(LEAST, MOST[map])
+                sigma.hypot(prior).clamp(LEAST, MOST[map])
             })
         });
         Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())
     }
 }
 
-/// Mean residual of each texel, and of all; texels that no photograph shows have that of all.
+/// Mean residual of each texel, and of all. Unseen texels get the mean of all.
 fn residuals(spread: &Spread) -> (Vec<f32>, f32) {
     let pairs = || spread.loss().iter().zip(spread.weight());
     let seen = pairs().filter(|(_, weight)| **weight > 0.0);
@@ -212,13 +210,13 @@ fn residuals(spread: &Spread) -> (Vec<f32>, f32) {
     (pairs().map(of).collect(), mean)
 }
 
-/// Deviation of the natural parameters of a map, root mean square of its channels.
+/// Posterior deviation of a map in natural parameters, root mean square of its channels.
 fn posterior(maps: &Svbrdf, spread: &Spread, range: Range<usize>) -> Vec<f32> {
     parallel::values(maps.texels(), |t| {
         let variance = |c: usize| {
             let v = spread.variance(c)[t];
             match is_albedo(c) {
-                // of the square of a normal variable
+                // The variance of the square of a normal variable.
                 true => (4.0 * maps.plane(c)[t] + 2.0 * v) * v,
                 false => v,
             }
@@ -228,9 +226,9 @@ fn posterior(maps: &Svbrdf, spread: &Spread, range: Range<usize>) -> Vec<f32> {
 }
 
 /// Mean squared difference of a map's channels.
-fn squares(maps: &Svbrdf, base: &Svbrdf, range: Range<usize>) -> Vec<f32> {
+fn squares(maps: &Svbrdf, latent: &Svbrdf, range: Range<usize>) -> Vec<f32> {
     parallel::values(maps.texels(), |t| {
-        let square = |c: usize| (maps.plane(c)[t] - base.plane(c)[t]).powi(2);
+        let square = |c: usize| (maps.plane(c)[t] - latent.plane(c)[t]).powi(2);
         range.clone().map(square).sum::<f32>() / range.len() as f32
     })
 }
@@ -246,7 +244,7 @@ fn variation(maps: &Svbrdf, range: Range<usize>) -> f32 {
     (range.map(variance).sum::<f64>() / channels).sqrt() as f32
 }
 
-/// Root over the sample of the squared mean of some channels.
+/// Root mean square over the sample of the mean of some channels.
 fn root_mean_square(maps: &Svbrdf, range: Range<usize>) -> f32 {
     let mean = |t: usize| {
         range.clone().map(|c| f64::from(maps.plane(c)[t])).sum::<f64>() / range.len() as f64
@@ -255,7 +253,7 @@ fn root_mean_square(maps: &Svbrdf, range: Range<usize>) -> f32 {
     ((0..n).map(|t| mean(t).powi(2)).sum::<f64>() / n as f64).sqrt() as f32
 }
 
-/// Roots of means over squares round each texel, cut off at the borders.
+/// Root of the mean in the window round each texel.
 fn smoothed_root(plane: &[f32], width: usize) -> Vec<f32> {
     let height = plane.len() / width;
     let range = |i: usize, n: usize| i.saturating_sub(RADIUS)..(i + RADIUS + 1).min(n);

@@ -1,4 +1,4 @@
-//! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
+//! Costs of texels, eight at a time: each step tries several against all photographs.
 
 use super::problem::Problem;
 use super::sample::Photograph;
@@ -11,12 +11,12 @@ use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::CHANNELS;
 
-/// Texels of a task: a sample of 32 a side keeps several threads busy.
+/// Texels per task: a sample of 32 a side keeps several threads busy.
 const CHUNK: usize = 128;
 
 impl Problem {
-    /// Of each texel and of each of `K` values of its deviations: what its residuals cost, and the prior
-    /// of the deviations. All have the correction and the groups of `state`.
+    /// Each texel's cost (residuals and prior of the deviations) for `K` values of its deviations, with the
+    /// correction and groups of `state`.
     pub(super) fn texel_costs<const K: usize>(
         &self,
         state: &State,
@@ -34,7 +34,7 @@ impl Problem {
         costs
     }
 
-    /// Cost of each texel's residuals, for each of `K` values of its deviations.
+    /// Cost of each texel's residuals for `K` values of its deviations.
     fn of_residuals<const K: usize>(
         &self,
         state: &State,
@@ -68,7 +68,7 @@ impl Problem {
     }
 }
 
-/// Eight texels, or the last few.
+/// At most eight texels.
 struct Block<'a, const K: usize> {
     problem: &'a Problem,
     lobes: Option<EightLobes>,
@@ -77,7 +77,7 @@ struct Block<'a, const K: usize> {
     natural: [[[f32; LANES]; CHANNELS]; K],
 }
 
-// Loops instead of closures: those may stay calls, outside of the kernel's features.
+// Loops, because closures may stay calls without the kernel's target features.
 impl<const K: usize> Kernel for Block<'_, K> {
     type Output = [[f32; LANES]; K];
 

@@ -1,4 +1,4 @@
-//! Steps of Levenberg and Marquardt.
+//! Levenberg-Marquardt steps.
 
 use nalgebra::DVector;
 
@@ -13,23 +13,23 @@ use crate::estimate::coordinates::clamped;
 use crate::parallel;
 use crate::simd::LANES;
 
-/// Texels of a task.
+/// Texels per task.
 const CHUNK: usize = 128;
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f64 = 1e-3;
-/// The least, and that with which a descent gives up.
+/// Least damping, and the damping above which a descent gives up.
 const DAMPING: [f64; 2] = [1e-6, 10.0];
-/// What the damping is multiplied by after a step that helps, and after one that does not.
+/// Factors of the damping after a successful and after a failed step.
 const EASE: f64 = 0.3;
 const RAISE: f64 = 20.0;
-/// Fractions of a step of what is shared that are tried.
+/// Fractions of the shared step to try.
 const LENGTHS: [f64; 2] = [1.0, 0.3];
-/// Fractions of a texel's own step that are tried.
+/// Fractions of a texel's own step to try.
 const TEXEL_LENGTHS: [f64; 3] = [1.0, 0.3, 0.0];
-/// Longest step of a texel's coordinate, or of a group's.
+/// Longest step of a coordinate of a texel or of a group.
 const MAX_STEP: f64 = 0.2;
 
-/// Texels from one to another, eight at a time.
+/// Blocks of eight texels.
 fn eights(from: usize, to: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
     (from..to).step_by(LANES).map(move |first| first..(first + LANES).min(to))
 }
@@ -37,13 +37,13 @@ fn eights(from: usize, to: usize) -> impl Iterator<Item = std::ops::Range<usize>
 /// When a descent ends.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::estimate) struct Limits {
-    /// Steps, at most.
+    /// Largest number of steps.
     pub steps: usize,
-    /// Relative gain of a step that is not worth another.
+    /// A step with a smaller relative gain is the last.
     pub converged: f64,
 }
 
-/// How far a descent is.
+/// State of a descent.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Progress {
     pub state: State,
@@ -54,7 +54,7 @@ pub(crate) struct Progress {
     pub done: bool,
 }
 
-/// A descent of a posterior.
+/// Levenberg-Marquardt on the posterior of a [`Problem`].
 #[derive(Debug, Clone)]
 pub(in crate::estimate) struct Descent {
     pub problem: Problem,
@@ -70,7 +70,7 @@ impl Descent {
         Self { problem, progress, limits }
     }
 
-    /// The most probable state near the first.
+    /// Descends to the nearest minimum.
     pub fn run(mut self) -> (Problem, State) {
         while !self.progress.done {
             self.step();
@@ -78,7 +78,7 @@ impl Descent {
         (self.problem, self.progress.state)
     }
 
-    /// One step towards the most probable state; nothing once done.
+    /// One step; none after the end.
     pub fn step(&mut self) {
         let Self { problem, progress, limits } = self;
         if progress.done {
@@ -108,8 +108,7 @@ impl Descent {
 }
 
 impl Problem {
-    /// The step of all: of what is shared, and of each texel; nothing when the equations cannot be
-    /// solved.
+    /// The steps of the shared unknowns and of each texel; `None` if the equations are singular.
     pub(super) fn step(
         &self,
         state: &State,
@@ -154,8 +153,8 @@ impl Problem {
         Some((shared, steps))
     }
 
-    /// The step of what texels share. Parameters that would leave their range go to its bound, the
-    /// others as they then are best.
+    /// The step of the shared unknowns. Parameters that would leave their range step to its bound, and the
+    /// others are solved for again.
     fn solved(&self, state: &State, sum: &Reduced) -> Option<DVector<f64>> {
         let first = sum.gradient.len() - self.shared.len();
         let mut step = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
@@ -183,8 +182,8 @@ impl Problem {
         Some(step)
     }
 
-    /// After `length` of a step of what is shared, and of each texel's own what is best for it; and
-    /// its cost.
+    /// The state after `length` of the shared step and the best fraction of each texel's own step, and its
+    /// cost.
     pub(super) fn stepped(
         &self,
         state: &State,

@@ -1,5 +1,14 @@
-//! Elimination of eight texels' own coordinates, in single precision: a step is taken only where the
-//! cost falls, and what is eliminated is summed in double precision over tasks.
+//! Elimination of eight texels' coordinates from the normal equations (Schur complement).
+//!
+//! For texels `x` and shared unknowns `y`, with a 9x9 block of `A` per texel:
+//!
+//! ```text
+//! [A B; Bᵀ C] [dx; dy] = -[g; h],   A = L Lᵀ,   own = L⁻¹ g,   columns = L⁻¹ B
+//! (C − columnsᵀ columns) dy = -(h − columnsᵀ own)          the reduced equations
+//! dx = -L⁻ᵀ (own + columns dy)
+//! ```
+//!
+//! Single precision suffices: sums over tasks are in double precision, and a step must lower the cost.
 
 use std::ops::Range;
 
@@ -8,30 +17,30 @@ use crate::estimate::posterior::PAIRS;
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::CHANNELS;
 
-/// A value of eight texels, and one of each of their coordinates.
+/// A value of eight texels, and their nine coordinates.
 pub(super) type Eight = [f32; LANES];
 pub(super) type Column = [Eight; CHANNELS];
 
-/// The place of an entry of a lower triangle, by rows.
+/// Index of an entry of a lower triangle, by rows.
 const fn at(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
-/// What eight texels' equations are besides their sums.
+/// Eight texels' normal equations.
 pub(super) struct Equations<'a> {
     pub sums: &'a Sums,
-    /// One; of coordinates that stay out of the step nothing.
+    /// 1, or 0 for coordinates that are held at a bound.
     pub free: Column,
     pub precision: [f64; CHANNELS],
-    /// Of the prior.
+    /// Gradient of the prior.
     pub gradient: Column,
     pub damping: f64,
-    /// Coordinates of groups, and how much the texels belong to each group.
+    /// Coordinates of groups, and the texels' shares of each group.
     pub moving: Range<usize>,
     pub shares: &'a [Eight],
 }
 
-/// The equations of what texels share that a task has so far, lane by lane; lower triangle.
+/// A task's reduced equations, lane by lane; lower triangle.
 pub(super) struct Totals {
     matrix: Vec<Eight>,
     gradient: Vec<Eight>,
@@ -43,7 +52,7 @@ impl Totals {
         Self { matrix: zeros(at(size, 0)), gradient: zeros(size) }
     }
 
-    /// Adds all lanes.
+    /// Adds the sum of the lanes.
     pub fn add_to(&self, sum: &mut Reduced) {
         let total = |lanes: &Eight| lanes.iter().copied().map(f64::from).sum::<f64>();
         for (i, gradient) in self.gradient.iter().enumerate() {
@@ -55,25 +64,23 @@ impl Totals {
     }
 }
 
-/// Eight texels' equations, solved but for what is shared: with `L L^T` their own matrix, `L^-1` times
-/// their gradient and times the columns of their groups' coordinates and of the parameters.
+/// `L`, `own` and `columns` of eight texels, see the module.
 pub(super) struct Eliminated {
-    /// L, but for reciprocals of its diagonal, nothing where it has none.
+    /// `L` with the reciprocals of its diagonal; 0 where a pivot is not positive.
     factor: [Eight; PAIRS],
     own: Column,
     columns: Vec<Column>,
 }
 
 impl Equations<'_> {
-    /// Eliminates the texels; what they say of what is shared is added to `totals`.
+    /// Eliminates the texels and adds their reduced equations to `totals`.
     pub fn eliminate(self, totals: &mut Totals) -> Eliminated {
         dispatch(Eliminate { equations: self, totals })
     }
 }
 
 impl Eliminated {
-    /// Steps of the texels: their own, and what a step of what is shared makes of them. `shared` has
-    /// the steps of the columns.
+    /// The texels' steps: their own, and those that follow from the steps `shared` of the columns.
     pub fn steps(&self, shared: &[Eight]) -> [Column; 2] {
         dispatch(Substitute { eliminated: self, shared })
     }
@@ -84,7 +91,7 @@ struct Eliminate<'a> {
     totals: &'a mut Totals,
 }
 
-// Loops instead of closures: those may stay calls, outside of the kernel's features.
+// Loops, because closures may stay calls without the kernel's target features.
 #[inline(always)]
 fn loaded<V: Lanes, const N: usize>(from: &[Eight; N]) -> [V; N] {
     let mut to = [V::splat(0.0); N];
@@ -103,13 +110,12 @@ fn stored<V: Lanes, const N: usize>(from: &[V; N]) -> [Eight; N] {
     to
 }
 
-/// Adds to a total.
 #[inline(always)]
 fn add<V: Lanes>(total: &mut Eight, value: V) {
     *total = (V::from_array(*total) + value).to_array();
 }
 
-/// Negated dot product, with something added.
+/// `plus - a · b`.
 #[inline(always)]
 fn minus_dot<V: Lanes>(a: &[V; CHANNELS], b: &[V; CHANNELS], plus: V) -> V {
     let mut sum = plus;
@@ -134,7 +140,7 @@ impl Kernel for Eliminate<'_> {
             *right = free[c] * (of_data + V::from_array(equations.gradient[c]));
         }
         let own = forward(&factor, &right);
-        // Before elimination, then `L^-1` times that.
+        // `B`, before `L⁻¹`.
         let mixed = mixed(&equations, &matrix, &free);
         let mut columns = Vec::with_capacity(mixed.len());
         for column in &mixed {
@@ -162,8 +168,7 @@ impl Kernel for Eliminate<'_> {
 }
 
 impl Totals {
-    /// Adds to the gradient of a column: of a coordinate of the groups, as much to each as texels belong
-    /// to it; of a parameter.
+    /// Adds to the gradient of a column. A group's coordinate gets its share of each texel.
     #[inline(always)]
     fn add_gradient<V: Lanes>(&mut self, equations: &Equations, i: usize, value: V) {
         let Equations { moving, shares, .. } = equations;
@@ -177,7 +182,7 @@ impl Totals {
         }
     }
 
-    /// Adds to the entry of two columns, the second not after the first.
+    /// Adds to the entry of columns `i` and `j <= i`.
     #[inline(always)]
     fn add<V: Lanes>(&mut self, equations: &Equations, [i, j]: [usize; 2], value: V) {
         let Equations { moving, shares, .. } = equations;
@@ -205,7 +210,7 @@ impl Totals {
     }
 }
 
-/// Columns of the texels' equations by what is shared: the groups' coordinates, then the parameters.
+/// `B`: columns of the groups' coordinates, then of the parameters.
 #[inline(always)]
 fn mixed<V: Lanes>(
     equations: &Equations,
@@ -231,7 +236,7 @@ fn mixed<V: Lanes>(
     columns
 }
 
-/// The matrix that the photographs make, lower triangle, without what stays out of the step.
+/// Lower triangle of the photographs' matrix without the held coordinates.
 #[inline(always)]
 fn triangle<V: Lanes>(sums: &Sums, free: &[V; CHANNELS]) -> [V; PAIRS] {
     let mut matrix = [V::splat(0.0); PAIRS];
@@ -268,7 +273,7 @@ fn factor<V: Lanes>(matrix: &[V; PAIRS], equations: &Equations) -> [V; PAIRS] {
     factor
 }
 
-/// `L^-1` times a column.
+/// `L⁻¹` times a column.
 #[inline(always)]
 fn forward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
     let mut out = *column;
@@ -303,7 +308,7 @@ impl Kernel for Substitute<'_> {
     }
 }
 
-/// `-L^-T` times a column.
+/// `-L⁻ᵀ` times a column.
 #[inline(always)]
 fn backward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
     let mut out = *column;

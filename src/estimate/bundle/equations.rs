@@ -1,4 +1,4 @@
-//! The normal equations of texels and of what they share, texels eliminated.
+//! Normal equations of texels and shared unknowns, with the texels eliminated.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::estimate::coordinates::{Coordinates, range};
 use crate::simd::LANES;
 use crate::svbrdf::CHANNELS;
 
-/// A texel's step: its own, and what a whole step of what is shared makes of it.
+/// A texel's own step, and the step that follows from a whole step of the shared unknowns.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct TexelStep {
     own: [f32; CHANNELS],
@@ -20,14 +20,14 @@ pub(super) struct TexelStep {
 }
 
 impl TexelStep {
-    /// With so much of the step of what is shared.
+    /// The step with `length` of the shared step.
     pub fn with(&self, length: f64) -> Coordinates {
         std::array::from_fn(|c| f64::from(self.own[c]) + length * f64::from(self.of_shared[c]))
     }
 }
 
 impl Problem {
-    /// Adds some texels, at most eight, to the reduced equations, themselves eliminated.
+    /// Eliminates at most eight texels and adds them to the reduced equations.
     pub(super) fn eliminate_eight(
         &self,
         texels: Range<usize>,
@@ -65,7 +65,7 @@ impl Problem {
         equations.eliminate(totals)
     }
 
-    /// How much some texels, at most eight, belong to each group.
+    /// Shares of at most eight texels in each group.
     pub(super) fn eight_shares(&self, texels: Range<usize>) -> Vec<Eight> {
         let mut shares = vec![[0.0; LANES]; self.groups.mean.len()];
         for (lane, t) in texels.enumerate() {
@@ -76,7 +76,7 @@ impl Problem {
         shares
     }
 
-    /// Steps of some texels, at most eight, when what is shared steps so.
+    /// Steps of at most eight texels for the step `shared`.
     pub(super) fn texel_steps(
         &self,
         texels: Range<usize>,
@@ -124,8 +124,8 @@ impl Problem {
     }
 }
 
-/// Coordinates of a texel that would leave their range. They stay out of the step, or all others would
-/// be off by what their step is cut.
+/// Coordinates that would leave their range. They are held out of the step, because clipping would make the
+/// step of the others wrong.
 fn held(x: &Coordinates, sums: &Sums, lane: usize, of_prior: &Coordinates) -> [bool; CHANNELS] {
     std::array::from_fn(|c| {
         let (low, high) = range(c);

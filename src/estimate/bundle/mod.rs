@@ -1,9 +1,9 @@
-//! Texels and what they share, fitted together.
+//! Bundle adjustment of texels and shared unknowns.
 //!
-//! Exposure, place of the flash, directions of the lights and ambient light concern all texels; so does
-//! the gloss of a material class. Texels would slowly follow what is wrong there if each were fitted in turn. So a grid of them is fitted together with what they share,
-//! as in bundle adjustment: Levenberg and Marquardt on the posterior of [`super`] by reweighted least
-//! squares, each texel's nine deviations from its prior mean eliminated (Schur complement).
+//! Exposure, flash, lights, ambient light and the gloss of a material class concern many texels. An
+//! alternation between these unknowns and the texels would converge slowly, because each absorbs the other's
+//! errors. Therefore one Levenberg-Marquardt (iteratively reweighted, posterior of [`super`]) solves for
+//! both. It eliminates the nine deviations of each texel from its prior mean (Schur complement).
 
 mod costs;
 mod descent;

@@ -1,11 +1,11 @@
-//! Numbers that all texels share: those of a [`Correction`].
+//! Unknowns that all texels or a group of them share.
 
 use super::state::{SharedLobes, State};
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 use crate::reflectance::TexelView;
 
-/// A number of a correction.
+/// A shared unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::estimate) enum Parameter {
     /// Logarithm of a photograph's gain.
@@ -14,19 +14,19 @@ pub(in crate::estimate) enum Parameter {
     Exponent,
     /// Offset of the flash along an axis, mm.
     Flash(usize),
-    /// One of two angles of a photograph's light, radians.
-    Turn(usize, usize),
-    /// Logarithm of what a photograph mirrors of the surround.
+    /// One of two angles of a photograph's light rotation, radians.
+    Rotation(usize, usize),
+    /// Logarithm of a photograph's factor of reflected ambient light.
     Mirrored(usize),
-    /// Ambient irradiance, a fraction of the flash's.
+    /// Ambient irradiance as a fraction of the flash's.
     Ambient,
-    /// What a group adds to one of the numbers of its texels' anisotropy.
+    /// A group's contribution to one of the two numbers of anisotropy.
     Anisotropy(usize, usize),
-    /// Weight or roughness of the coat of all texels.
+    /// Weight or roughness of the coat.
     Coat(usize),
 }
 
-/// A parameter that is free.
+/// A free parameter.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::estimate) struct Shared {
     pub parameter: Parameter,
@@ -35,12 +35,12 @@ pub(in crate::estimate) struct Shared {
     pub precision: f64,
     /// Longest step.
     pub max_step: f64,
-    /// Values believed.
+    /// Accepted values.
     pub range: [f64; 2],
 }
 
 impl Shared {
-    /// Round zero, without bounds.
+    /// A prior round zero without bounds.
     pub fn new(parameter: Parameter, precision: f64, max_step: f64) -> Self {
         let range = [f64::NEG_INFINITY, f64::INFINITY];
         Self { parameter, mean: 0.0, precision, max_step, range }
@@ -59,25 +59,25 @@ impl Shared {
 pub(super) enum Derivative {
     /// The radiance times this.
     Factor(f64),
-    /// That of a number of a group's anisotropy, and of the coat.
+    /// That of a group's anisotropy, and of the coat.
     OfAnisotropy(usize, usize),
     OfCoat(usize),
-    /// That of a change of the view.
+    /// That of the view.
     OfView(Change),
 }
 
-/// How a view changes with a parameter.
+/// Derivative of a view by a parameter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Change {
     pub place: [f32; 3],
     pub power: [f32; 3],
-    /// Of ambient light, and of what of it is mirrored.
+    /// Ambient light, and reflected ambient light.
     pub ambient: [f32; 3],
     pub mirrored: [f32; 3],
 }
 
 impl Change {
-    /// Of two views, of which one is `by` before and one `by` after.
+    /// Central difference of two views at `-by` and `by`.
     pub fn between(before: &View, after: &View, by: f64) -> Self {
         let [before_lit, after_lit] = [before, after].map(|view| TexelView::new(view, 1, 1));
         let slope = |a: [f32; 3], b: [f32; 3]| {
@@ -94,7 +94,7 @@ impl Change {
 
 impl Parameter {
     pub fn get(self, state: &State) -> f64 {
-        let Correction { turns, ambient, mirrored, exposure } = &state.correction;
+        let Correction { turns: rotations, ambient, mirrored, exposure } = &state.correction;
         let lobes = state.lobes.as_ref();
         match self {
             Self::Anisotropy(group, i) => lobes.map_or(0.0, |lobes| lobes.anisotropy[group][i]),
@@ -102,14 +102,14 @@ impl Parameter {
             Self::Gain(i) => exposure.gains[i],
             Self::Exponent => exposure.exponent,
             Self::Flash(axis) => exposure.offset_mm[axis],
-            Self::Turn(i, axis) => turns[i][axis],
+            Self::Rotation(i, axis) => rotations[i][axis],
             Self::Mirrored(i) => mirrored[i],
             Self::Ambient => *ambient,
         }
     }
 
     pub fn set(self, state: &mut State, value: f64) {
-        let Correction { turns, ambient, mirrored, exposure } = &mut state.correction;
+        let Correction { turns: rotations, ambient, mirrored, exposure } = &mut state.correction;
         let groups = state.groups.len();
         let lobes = &mut state.lobes;
         let none = || SharedLobes::none(groups);
@@ -119,16 +119,16 @@ impl Parameter {
             Self::Gain(i) => &mut exposure.gains[i],
             Self::Exponent => &mut exposure.exponent,
             Self::Flash(axis) => &mut exposure.offset_mm[axis],
-            Self::Turn(i, axis) => &mut turns[i][axis],
+            Self::Rotation(i, axis) => &mut rotations[i][axis],
             Self::Mirrored(i) => &mut mirrored[i],
             Self::Ambient => ambient,
         } = value;
     }
 
-    /// Whether it changes what photograph `index` shows.
+    /// Whether photograph `index` depends on it.
     fn concerns(self, index: usize) -> bool {
         match self {
-            Self::Gain(i) | Self::Turn(i, _) | Self::Mirrored(i) => i == index,
+            Self::Gain(i) | Self::Rotation(i, _) | Self::Mirrored(i) => i == index,
             Self::Exponent
             | Self::Flash(_)
             | Self::Ambient
@@ -137,7 +137,7 @@ impl Parameter {
         }
     }
 
-    /// Half of the difference that the view's derivative is formed of.
+    /// Step of the central difference.
     fn difference(self) -> f64 {
         match self {
             Self::Flash(_) => 0.5,
@@ -146,7 +146,7 @@ impl Parameter {
         }
     }
 
-    /// Its derivative in photograph `index`, with a view as given; `None` where it is zero.
+    /// Derivative of photograph `index` with an uncorrected view; `None` if it is zero.
     pub(super) fn derivative(self, given: &View, index: usize, at: &State) -> Option<Derivative> {
         if !self.concerns(index) {
             return None;
@@ -173,5 +173,5 @@ impl Parameter {
     }
 }
 
-/// Largest logarithm of what is mirrored, as bounds.
+/// Range of the logarithm of the factor of reflected ambient light.
 pub(in crate::estimate) const MIRRORED: [f64; 2] = [-MAX_MIRRORED, MAX_MIRRORED];

@@ -19,11 +19,11 @@ use crate::svbrdf::{CHANNELS, LOBES};
 pub(in crate::estimate) struct Groups {
     /// Coordinates that move.
     pub coordinates: Range<usize>,
-    /// What a group may add.
+    /// Range of a group's contribution.
     pub range: [f64; 2],
-    /// How much each texel belongs to each group; texel by texel.
+    /// Share of each texel in each group, texel by texel.
     pub shares: Vec<f32>,
-    /// Prior mean of each group, and precisions.
+    /// Each group's prior mean, and its precision.
     pub mean: Vec<Coordinates>,
     pub precision: Vec<Coordinates>,
 }
@@ -32,9 +32,9 @@ pub(in crate::estimate) struct Groups {
 #[derive(Debug, Clone)]
 pub(in crate::estimate) struct Problem {
     pub sample: Arc<Sample>,
-    /// Photographs that are fitted; parameters count these.
+    /// Fitted photographs; the indices of parameters refer to this list.
     pub which: Vec<usize>,
-    /// Prior means of texels, without what their groups add.
+    /// Prior means of texels without their groups' contributions.
     pub mean: Vec<Coordinates>,
     /// Precisions of texels' deviations.
     pub precision: Coordinates,
@@ -44,7 +44,7 @@ pub(in crate::estimate) struct Problem {
 }
 
 impl Problem {
-    /// Texels at the prior mean of their groups, optional lobes at theirs, the correction as given.
+    /// The prior means of texels, groups and optional lobes, and this correction.
     pub fn start(&self, correction: Correction) -> State {
         let deviations = vec![[0.0; CHANNELS]; self.sample.texels()];
         let mut state =
@@ -57,7 +57,7 @@ impl Problem {
         state
     }
 
-    /// Photographs that are fitted.
+    /// The fitted photographs.
     pub(super) fn photographs(&self) -> impl Iterator<Item = &Photograph> {
         self.which.iter().map(|&i| &self.sample.photographs[i])
     }
@@ -83,7 +83,7 @@ impl Problem {
         Some(state.lobes.as_ref()?.of_texel(self.texel_shares(t).iter().copied()))
     }
 
-    /// Those of some texels, at most eight, for kernels.
+    /// Optional lobes of at most eight texels, for kernels.
     pub(super) fn eight_lobes(&self, texels: Range<usize>, state: &State) -> Option<EightLobes> {
         let mut lanes = [[0.0; LANES]; LOBES];
         for (lane, t) in texels.enumerate() {
@@ -93,12 +93,11 @@ impl Problem {
         Some(lanes)
     }
 
-    /// A texel's coordinates.
     pub fn coordinates(&self, t: usize, state: &State) -> Coordinates {
         self.deviating(t, state, &state.deviations[t])
     }
 
-    /// A texel's coordinates with these deviations instead.
+    /// A texel's coordinates with these deviations.
     pub(super) fn deviating(
         &self,
         t: usize,
@@ -109,7 +108,7 @@ impl Problem {
         std::array::from_fn(|c| clamped(c, mean[c] + deviations[c]))
     }
 
-    /// Corrected views of the photographs that are fitted, for kernels.
+    /// Corrected views of the fitted photographs, for kernels.
     pub(super) fn views(&self, correction: &Correction) -> Vec<(TexelView, &Photograph)> {
         let photographs = self.photographs().enumerate();
         let view = |(i, view)| TexelView::new(&correction.apply(view, i), 1, 1);
@@ -122,7 +121,7 @@ impl Problem {
         costs.iter().map(|[cost]| cost).sum::<f64>() + self.shared_cost(state)
     }
 
-    /// Of what texels share.
+    /// Cost of the shared unknowns.
     pub(super) fn shared_cost(&self, state: &State) -> f64 {
         let parameter = |s: &Shared| s.precision * (s.parameter.get(state) - s.mean).powi(2);
         let parameters: f64 = self.shared.iter().map(parameter).sum();

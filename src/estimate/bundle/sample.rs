@@ -1,4 +1,4 @@
-//! Photographs at a few texels.
+//! Photographs at a subset of texels.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use crate::svbrdf::Svbrdf;
 /// One photograph at the sample's texels.
 #[derive(Debug, Clone)]
 pub(in crate::estimate) struct Photograph {
-    /// As given.
+    /// The uncorrected view.
     pub view: View,
     /// Three planes of radiances, negative where saturated.
     pub radiance: Vec<f32>,
@@ -28,14 +28,14 @@ pub(in crate::estimate) struct Sample {
     /// Texel centres, mm.
     pub places: Vec<[f64; 2]>,
     pub photographs: Vec<Photograph>,
-    /// Of maps halved so often, the texels.
+    /// Halvings of the maps, and indices of the texels in them.
     halvings: u32,
     texels: Vec<usize>,
 }
 
 impl Sample {
-    /// Photographs halved until they have at most `averaged` texels along the longer side, and of
-    /// those a grid of at most `side`. Averages are less noisy, texels as they are keep relief.
+    /// Photographs halved to at most `averaged` texels along the longer side, then a grid of at most `side`.
+    /// Averages reduce noise; single texels keep relief.
     pub fn new(photographs: &Photographs, averaged: usize, side: usize) -> Self {
         let halvings = photographs.halvings_to(averaged);
         let observations = photographs.level(halvings);
@@ -63,7 +63,7 @@ impl Sample {
         self.places.len()
     }
 
-    /// Places of some texels, at most eight.
+    /// Places of at most eight texels.
     #[inline(always)]
     pub(super) fn eight_places<V: Lanes>(&self, texels: Range<usize>) -> [V; 2] {
         let mut at = [[0.0; LANES]; 2];
@@ -74,7 +74,7 @@ impl Sample {
         [V::from_array(at[0]), V::from_array(at[1])]
     }
 
-    /// Colours of the texels as some of the photographs show them, see [`colours`].
+    /// Colours of the texels in some of the photographs, see [`colours`].
     pub fn colours(&self, which: &[usize]) -> Vec<Feature> {
         let n = self.texels();
         let seen = |i: usize, t: usize| {
@@ -86,7 +86,7 @@ impl Sample {
         colours(&views, n, |t| self.places[t], seen)
     }
 
-    /// Coordinates of maps of the photographs' size, averaged as the sample's texels are.
+    /// Coordinates of maps of the photographs' size at the sample's texels.
     pub fn coordinates(&self, maps: &Svbrdf) -> Vec<Coordinates> {
         let mut small = None;
         for _ in 0..self.halvings {
@@ -107,9 +107,9 @@ fn grid(width: usize, height: usize, side: usize) -> Vec<usize> {
     (0..w * h).map(|i| along(i / w, height) * width + along(i % w, width)).collect()
 }
 
-/// What texels' colours are without highlights, as roots of albedos: of what the photographs show of
-/// each, taken for diffuse and flat, that at a third of their order from the darkest. `seen` is what a
-/// photograph shows of a texel, if anything.
+/// Colours of texels without highlights, as roots of albedos. Each photograph gives an albedo, as if the
+/// texel were diffuse and flat; the colour is the 33rd percentile. `seen` is a texel's radiance in a
+/// photograph, if visible.
 pub(in crate::estimate) fn colours(
     views: &[View],
     texels: usize,
@@ -143,5 +143,5 @@ pub(in crate::estimate) fn colours(
 
 /// Root albedo of texels that no photograph shows.
 const UNSEEN: f32 = 0.4;
-/// Texels of a task.
+/// Texels per task.
 const CHUNK: usize = 1024;

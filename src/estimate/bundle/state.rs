@@ -8,36 +8,34 @@ use crate::svbrdf::{LOBES, NO_LOBES};
 /// Optional lobes of eight texels.
 pub(super) type EightLobes = [[f32; LANES]; LOBES];
 
-/// All unknowns.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct State {
     /// Deviations of texels from their prior means.
     pub deviations: Vec<Coordinates>,
-    /// What each group adds to the prior means of its texels.
+    /// Each group's contribution to the prior means of its texels.
     pub groups: Vec<Coordinates>,
     pub correction: Correction,
-    /// Optional lobes; `None` where the material has none.
+    /// Optional lobes; `None` without any.
     pub lobes: Option<SharedLobes>,
 }
 
-/// Optional lobes of texels.
+/// Optional lobes of groups and of all texels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SharedLobes {
-    /// What each group adds to both numbers of the anisotropy of its texels.
+    /// Each group's contribution to both numbers of anisotropy.
     pub anisotropy: Vec<[f64; 2]>,
     /// Weight and roughness of the coat of all texels.
     pub coat: [f64; 2],
 }
 
 impl SharedLobes {
-    /// No lobes, of so many groups.
+    /// Neutral lobes of `groups` groups.
     pub fn none(groups: usize) -> Self {
         let [_, _, weight, roughness] = NO_LOBES;
         Self { anisotropy: vec![[0.0; 2]; groups], coat: [weight, roughness] }
     }
 
-    /// Of a texel that belongs to the groups by these shares, in the order of
-    /// [`lobe`](crate::svbrdf::lobe).
+    /// The lobes of a texel with these shares of the groups, in the order of [`lobe`](crate::svbrdf::lobe).
     pub fn of_texel(&self, shares: impl IntoIterator<Item = f32>) -> [f64; LOBES] {
         let [mut u, mut v] = [0.0; 2];
         for (share, [of_u, of_v]) in shares.into_iter().zip(&self.anisotropy) {

@@ -1,4 +1,4 @@
-//! Sums of the normal equations of eight texels over all photographs, in single precision.
+//! Normal equations of eight texels, summed over the photographs in single precision.
 
 use std::ops::Range;
 
@@ -15,16 +15,16 @@ use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, channel, lobe};
 
-/// A photograph's view, and derivatives by the parameters that concern it.
+/// A photograph's corrected view, and its derivatives by the parameters.
 pub(super) struct Linear<'a> {
     photograph: &'a Photograph,
     view: TexelView,
     derivatives: Vec<(usize, Derivative)>,
-    /// Whether one of them is by the view.
+    /// Whether a derivative is by the view.
     by_view: bool,
 }
 
-/// The reduced equations of what texels share: groups, then parameters. Lower triangle.
+/// The reduced equations of groups, then parameters. Lower triangle.
 #[derive(Clone)]
 pub(super) struct Reduced {
     pub matrix: DMatrix<f64>,
@@ -37,12 +37,12 @@ impl Reduced {
     }
 }
 
-/// The equations of eight texels, or the last few.
+/// The equations of at most eight texels.
 pub(super) struct Sums {
     /// Upper triangle of the matrix, by rows.
     pub matrix: [[f32; LANES]; PAIRS],
     pub gradient: [[f32; LANES]; CHANNELS],
-    /// Of each parameter with the texels' coordinates.
+    /// Products of each parameter with the texels' coordinates.
     pub mixed: Vec<[[f32; LANES]; CHANNELS]>,
 }
 
@@ -64,8 +64,8 @@ impl Problem {
         linear.collect()
     }
 
-    /// The sums of some texels, at most eight, with these coordinates. What parameters alone are in
-    /// is added to their part of the reduced equations, from row `first` on.
+    /// The sums of at most eight texels with these coordinates. Products of parameters go to the reduced
+    /// equations, from row `first` on.
     pub(super) fn sums(
         &self,
         texels: Range<usize>,
@@ -100,14 +100,14 @@ struct Block<'a> {
     texels: Range<usize>,
     coordinates: [[f32; LANES]; CHANNELS],
     lobes: Option<EightLobes>,
-    /// How much the texels belong to each group.
+    /// The texels' shares of each group.
     shares: &'a [[f32; LANES]],
     linear: &'a [Linear<'a>],
     reduced: &'a mut Reduced,
     first: usize,
 }
 
-// Loops instead of closures: those may stay calls, outside of the kernel's features.
+// Loops, because closures may stay calls without the kernel's target features.
 impl Kernel for Block<'_> {
     type Output = Sums;
 
@@ -171,13 +171,13 @@ impl Kernel for Block<'_> {
     }
 }
 
-/// What parameters add to the equations of eight texels.
+/// The parameters' part of the equations of eight texels.
 struct Parameters<V> {
-    /// Of each parameter with the coordinates, of all photographs.
+    /// Products of each parameter with the coordinates, over all photographs.
     mixed: Vec<[V; CHANNELS]>,
-    /// Of a photograph's parameters in one colour: derivatives of ln(rendered + 0.01).
+    /// Derivatives of ln(rendered + 0.01) by a photograph's parameters in one colour.
     by: Vec<V>,
-    /// Their products in all colours, lower triangle, and those with residuals.
+    /// Products of these derivatives in all colours (lower triangle), and their products with residuals.
     products: Vec<V>,
     gradients: Vec<V>,
     /// See [`across_light`].
@@ -201,7 +201,7 @@ impl<V: Lanes> Parameters<V> {
         }
     }
 
-    /// Finds the derivatives in a colour.
+    /// Computes the derivatives in a colour.
     #[inline(always)]
     fn find(
         &mut self,
@@ -225,7 +225,7 @@ impl<V: Lanes> Parameters<V> {
                     by_lobes[*i] * *irradiance * V::from_array(shares[*group])
                 }
                 Derivative::OfCoat(i) => by_lobes[lobe::COAT + *i] * *irradiance,
-                // The radiance, of which ln(rendered + 0.01) is by the inverse.
+                // rendered / (rendered + 0.01).
                 Derivative::Factor(factor) => {
                     let whole = V::splat(1.0) - residual.inverse * V::splat(EPSILON);
                     *by = whole * V::splat(*factor as f32);
@@ -275,7 +275,7 @@ impl<V: Lanes> Parameters<V> {
         }
     }
 
-    /// Moves what a photograph's parameters are among themselves to the reduced equations.
+    /// Moves the sums of a photograph's parameters to the reduced equations.
     #[inline(always)]
     fn move_to(&mut self, linear: &Linear, reduced: &mut Reduced, first: usize) {
         let Reduced { matrix, gradient } = reduced;
@@ -292,8 +292,8 @@ impl<V: Lanes> Parameters<V> {
     }
 }
 
-/// Derivatives by the place of the light, 1/mm: of its cosine, of ln `specular`, of the Fresnel power,
-/// of the logarithm of what falls off with its distance, and of what a coat reflects.
+/// Derivatives by the place of the light, 1/mm: of its cosine, of ln `specular`, of the Fresnel power, of the
+/// logarithm of the inverse square, and of the coat's reflection.
 #[inline(always)]
 fn across_light<V: Lanes>(
     by_light: &ByLight<V>,

@@ -17,7 +17,7 @@ use crate::test_support::{photograph, view_from};
 
 const SIDE: usize = 24;
 
-/// Bumpy, with glossy and matt patches.
+/// A bumpy material with glossy and matte patches.
 fn material() -> Svbrdf {
     let mut maps = Svbrdf::new(SIDE, SIDE);
     for t in 0..SIDE * SIDE {
@@ -50,7 +50,7 @@ fn photographs(count: usize) -> Photographs {
 
 const COUNT: usize = 4;
 
-/// Every kind of parameter; two groups that share all texels.
+/// A problem with every kind of parameter, and two groups that share all texels.
 fn problem() -> (Problem, State) {
     let sample = Arc::new(Sample::new(&photographs(COUNT), usize::MAX, SIDE));
     let mut shared = vec![
@@ -61,7 +61,7 @@ fn problem() -> (Problem, State) {
     for i in 0..COUNT {
         shared.push(Shared::new(Parameter::Gain(i), 400.0, 1.0));
         shared.push(Shared::new(Parameter::Mirrored(i), 50.0, 1.0));
-        shared.extend((0..2).map(|axis| Shared::new(Parameter::Turn(i, axis), 400.0, 0.06)));
+        shared.extend((0..2).map(|axis| Shared::new(Parameter::Rotation(i, axis), 400.0, 0.06)));
     }
     for i in [0, 1] {
         let lobes = [Parameter::Anisotropy(0, i), Parameter::Anisotropy(1, i), Parameter::Coat(i)];
@@ -93,19 +93,20 @@ fn problem() -> (Problem, State) {
         offset_mm: [1.0, 2.0, -3.0],
         ..LightCorrection::as_given(views.into_iter())
     };
-    let turns = vec![[0.03, -0.02], [0.01, 0.02], [-0.02, 0.0], [0.0, 0.01]];
+    let rotations = vec![[0.03, -0.02], [0.01, 0.02], [-0.02, 0.0], [0.0, 0.01]];
     let mirrored = vec![0.1, -0.2, 0.3, 0.0];
-    let mut state = problem.start(Correction { turns, ambient: 0.05, mirrored, exposure });
+    let mut state =
+        problem.start(Correction { turns: rotations, ambient: 0.05, mirrored, exposure });
     let anisotropy = vec![[0.2, -0.3], [0.4, 0.1]];
     state.lobes = Some(SharedLobes { anisotropy, coat: [0.2, 0.5] });
     (problem, state)
 }
 
-/// The sums are those of differences of residuals. Central ones of steps h: truncation is h² / 6 times the
-/// third derivative, at most 1e3 for slopes inside a lobe of roughness 0.35, rounding 1e-15 / h. Views are in
-/// single precision: where the parts of a derivative by a turn nearly cancel, half a per cent may be rounding.
+/// Central differences of step h err by h² / 6 times the third derivative (at most 1e3 for slopes in a lobe
+/// of roughness 0.35) and by rounding, 1e-15 / h. Views are in single precision: half a per cent may be
+/// rounding where the parts of a derivative by a rotation nearly cancel.
 #[test]
-fn sums_are_those_of_derivatives_of_residuals() {
+fn sums_match_differences_of_residuals() {
     let (problem, mut state) = problem();
     for t in [0, 137, 300, SIDE * SIDE - 1] {
         state.deviations[t] = [0.05, -0.03, 0.05, 0.02, -0.01, 0.03, 0.02, -0.02, 0.05];
@@ -126,10 +127,10 @@ fn residuals(problem: &Problem, x: &Coordinates, state: &State, t: usize) -> Vec
     lights.zip(problem.photographs()).flat_map(of).collect()
 }
 
-/// Costs of eight texels at a time are those of double precision: of a few hundred residuals of size
-/// one, each to within 3e-6 with a coat, some saturated and some not seen.
+/// Compares a few hundred residuals of size one, some saturated and some invisible. Each is within 3e-6 of
+/// double precision with a coat.
 #[test]
-fn costs_in_lanes_are_those_of_single_texels() {
+fn costs_in_lanes_match_those_of_single_texels() {
     let (mut problem, mut state) = problem();
     let mut sample = (*problem.sample).clone();
     let mut random = Random::new(9);
@@ -218,7 +219,6 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
     }
 }
 
-/// The equations of one texel's coordinates and of all parameters; lower triangle.
 fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
     let q = sums.mixed.len();
     let mut whole = Reduced::zeros(CHANNELS + q);
@@ -242,17 +242,16 @@ fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
     whole
 }
 
-/// One step solves the equations of all unknowns together as a dense matrix would. Texels are eliminated
-/// in single precision: of 6e-8 of what they say of a parameter there may be left a hundredth or less.
+/// One step solves the equations of all unknowns as a dense matrix does. Elimination is in single precision
+/// (6e-8) and may cancel all but a hundredth of a parameter's equation.
 #[test]
-fn eliminated_texels_step_as_in_the_whole_system() {
+fn elimination_matches_a_dense_solve() {
     let (mut problem, mut state) = problem();
-    // Five texels do not tell lobes from gloss: in single precision nothing would be left of their step.
+    // Five texels cannot separate lobes from gloss: the step would be lost in single precision.
     state.lobes = None;
     problem.shared.retain(|shared| {
         !matches!(shared.parameter, Parameter::Anisotropy(..) | Parameter::Coat(_))
     });
-    // A dense matrix of five texels.
     let texels = 5;
     let mut sample = (*problem.sample).clone();
     for photograph in &mut sample.photographs {
@@ -275,7 +274,7 @@ fn eliminated_texels_step_as_in_the_whole_system() {
             problem.sums(texels, &[x], lobes, &shares, &linear, &mut reduced, 0)
         };
         let own = whole(&sums, 0, &reduced);
-        // What each row of the texel's equations is in the whole system's.
+        // Rows of the whole system for each row of the texel's equations.
         let mut places: Vec<Vec<(usize, f64)>> =
             (0..CHANNELS).map(|c| vec![(CHANNELS * t + c, 1.0)]).collect();
         for (k, share) in problem.texel_shares(t).iter().enumerate() {
@@ -320,9 +319,8 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     }
 }
 
-/// Ambient light that would go below nothing stops there, and the step still descends.
 #[test]
-fn parameters_stop_at_their_bounds_and_the_cost_falls() {
+fn a_parameter_stops_at_its_bound_and_the_cost_falls() {
     let (problem, mut state) = problem();
     state.correction.ambient = 0.002;
     let before = problem.cost(&state);

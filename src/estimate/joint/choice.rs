@@ -1,11 +1,20 @@
-//! The prior of the joint solve, chosen by prediction.
+//! The prior of the joint solve, chosen by leave-one-out cross-validation.
 //!
-//! Each candidate predicts each of the latest photographs from all others (leave-one-out cross-validation), at
-//! few texels: averages would hide relief. First one prior predicts with and without optional lobes, because with
-//! a wrong lobe texels that are free look best. Then priors predict with the lobes found. The prior is the mean of
-//! the candidates, weighted by the likelihood of their predictions: two that predict alike are equally good, and a
-//! winner would change from photograph to photograph. A prediction is made only while its candidate can still have
-//! a weight.
+//! Each candidate of [`JointOptions::candidates`] fits all photographs but one, at a few texels, and predicts
+//! the one left out. The latest photographs are left out in turn, in two rounds:
+//!
+//! 1. One prior predicts with each combination of optional lobes. A lobe is accepted if candidates with it
+//!    get most of the weight. Lobes come first, because free texels predict best when the lobe is wrong.
+//! 2. All candidates predict with these lobes. They differ in the share of the learned relief and in the
+//!    sigmas of slopes, of gloss within classes, and between classes.
+//!
+//! The chosen prior is the candidates' mean, weighted by the likelihood of their predictions. Its sigma of
+//! roughness, for example, is the weighted geometric mean of the candidates' [`JointPrior::roughness`].
+//! A single winner would change from photograph to photograph when candidates predict alike. With two
+//! photographs, the only candidates are [`JointOptions::few`] with and without anisotropy.
+//! [`Setup`] turns the chosen prior into means and sigmas of texels.
+//!
+//! A prediction is skipped once its candidate can no longer get a weight.
 
 use std::sync::Arc;
 
@@ -18,23 +27,24 @@ use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior};
 use crate::estimate::photographs::Photographs;
 use crate::svbrdf::NO_LOBES;
 
-/// Texels along the longer side that predictions are made at, at most, and of which those are taken as they are.
+/// Largest numbers of texels along the longer side: of a prediction, and of the averages that its texels are
+/// sampled from. Coarser averages would hide relief.
 const TEXELS: usize = 32;
 const TAKEN_FROM: usize = 64;
-/// Steps of a fit that leaves a photograph out, at most.
+/// Largest number of steps of a fit.
 const STEPS: usize = 6;
-/// Photographs left out in turn, at most: the latest.
+/// Largest number of photographs left out in turn: the latest.
 const FOLDS: usize = 3;
-/// Weight, relative to the best candidate's, below which one counts for nothing.
+/// Weight relative to the best candidate's, below which a candidate is ignored.
 const MIN_WEIGHT: f64 = 0.01;
-/// Share of the weights that candidates with a lobe need: the lobe predicts better by more than chance.
+/// Share of the weights that accepts a lobe: its candidates predict better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
 
-/// Predictions in progress: first with and without each optional lobe, then by each prior.
+/// Predictions in progress.
 pub(crate) struct PriorChoice {
-    /// Whether the optional lobes have been chosen.
+    /// Whether the first round, of optional lobes, has ended.
     lobes_chosen: bool,
-    /// Predictions made before that.
+    /// Predictions of the first round.
     earlier: usize,
     pub(super) candidates: Vec<JointPrior>,
     /// Priors of the second round.
@@ -43,17 +53,16 @@ pub(crate) struct PriorChoice {
     sample: Arc<Sample>,
     estimate: Vec<Coordinates>,
     board: bool,
-    /// Photographs that the predictions see.
+    /// Photographs in the predictions.
     which: Vec<usize>,
-    /// Photographs left out, each in turn; the latest last.
+    /// Photographs left out in turn; the latest last.
     pub(super) folds: Vec<usize>,
-    /// Squared errors of each candidate for each photograph left out; not a number where a prediction has not
-    /// been made.
+    /// Squared errors, candidate by candidate, photograph by photograph; NaN before the prediction.
     pub(super) errors: Vec<f64>,
 }
 
 impl PriorChoice {
-    /// Before the first prediction; `maps` have the learned slopes.
+    /// Before the first prediction. `maps` have the learned slopes.
     pub fn new(
         photographs: &Photographs,
         maps: &Svbrdf,
@@ -64,11 +73,11 @@ impl PriorChoice {
         let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
         let sample = Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS));
         let JointOptions { few, candidates: priors, .. } = &options.joint;
-        // `may_count` knows this order.
+        // `may_count` relies on this order.
         let mut lobes = vec![[false, false], [true, false], [false, true], [true, true]];
         let mut priors = priors.clone();
         if count < options.schedule.determined_from {
-            // A photograph predicts another too badly to tell a coat from tails of a highlight.
+            // One photograph cannot separate a coat from the tail of a highlight.
             lobes.truncate(2);
             priors = vec![*few];
         }
@@ -86,12 +95,12 @@ impl PriorChoice {
             options: options.clone(),
             sample,
             board,
-            which: photographs.drawn(0),
+            which: photographs.subset(0),
             folds,
         }
     }
 
-    /// Predictions made, and about how many there will be.
+    /// Predictions made, and an estimate of all.
     pub fn work(&self) -> [usize; 2] {
         let done = self.earlier + self.made();
         let priors = if self.lobes_chosen { 0 } else { self.priors.len() };
@@ -104,12 +113,12 @@ impl PriorChoice {
         self.errors.iter().filter(|e| !e.is_nan()).count()
     }
 
-    /// Whether no prediction can change the choice any more.
+    /// Whether no further prediction can change the choice.
     pub fn is_done(&self) -> bool {
         self.lobes_chosen && self.next().is_none()
     }
 
-    /// The next prediction.
+    /// Makes the next prediction, or chooses the optional lobes.
     pub fn step(&mut self) {
         match self.next() {
             Some(next) => {
@@ -121,7 +130,7 @@ impl PriorChoice {
         }
     }
 
-    /// Goes on with the priors that have the optional lobes that predict; the first of them has predicted.
+    /// Accepts optional lobes and starts the second round. Its first candidate has predicted in the first.
     pub(super) fn choose_lobes(&mut self) {
         let weights: Vec<f64> = self.candidates().map(|c| self.weight(self.sum(c))).collect();
         let total: f64 = weights.iter().sum();
@@ -144,13 +153,13 @@ impl PriorChoice {
         self.lobes_chosen = true;
     }
 
-    /// Keeps the error of a prediction; one that is no finite number is the largest, or the prediction would
-    /// not count as made.
+    /// Keeps the error of a prediction. An error that is not finite becomes the largest number, because NaN
+    /// marks open predictions.
     pub(super) fn record(&mut self, prediction: usize, error: f64) {
         self.errors[prediction] = if error.is_finite() { error } else { f64::MAX };
     }
 
-    /// Predictions of a candidate.
+    /// Indices of a candidate's predictions.
     fn of(&self, candidate: usize) -> std::ops::Range<usize> {
         let folds = self.folds.len();
         candidate * folds..(candidate + 1) * folds
@@ -160,8 +169,8 @@ impl PriorChoice {
         0..self.candidates.len()
     }
 
-    /// The mean of the candidates: of the logarithms of their sigmas, of their shares of relief. `None` where no
-    /// candidate has predicted.
+    /// The candidates' weighted mean: of the logarithms of sigmas, of the shares of relief. `None` before a
+    /// candidate has predicted all photographs.
     pub fn chosen(&self) -> Option<JointPrior> {
         let candidates = &self.candidates;
         let all = self.candidates().map(|c| self.weight(self.sum(c)));
@@ -185,14 +194,14 @@ impl PriorChoice {
         })
     }
 
-    /// Least and greatest mean squared errors of the candidates that have predicted all.
+    /// Least and greatest mean squared error of the candidates that have predicted all photographs.
     pub fn range(&self) -> [f64; 2] {
         let means = self.candidates().map(|c| self.sum(c) / self.folds.len() as f64);
         means.filter(|e| !e.is_nan()).fold([f64::INFINITY, 0.0], |[a, b], e| [a.min(e), b.max(e)])
     }
 
-    /// Weight of a sum of squared errors, that of the least so far being 1: the likelihood of as many normal
-    /// deviates as there are independent texels. 0 where it is not a number.
+    /// Weight of a sum of squared errors, relative to the least sum: the likelihood of as many normal
+    /// deviates as independent texels. 0 for NaN.
     fn weight(&self, sum: f64) -> f64 {
         let least = self.candidates().map(|c| self.sum(c)).fold(f64::INFINITY, f64::min);
         let deviates = self.options.joint.independent_texels * self.folds.len() as f64;
@@ -203,23 +212,23 @@ impl PriorChoice {
         }
     }
 
-    /// Sum of a candidate's squared errors; not a number where a prediction has not been made.
+    /// Sum of a candidate's squared errors; NaN before its last prediction.
     fn sum(&self, candidate: usize) -> f64 {
         self.errors[self.of(candidate)].iter().sum()
     }
 
-    /// Whether a candidate may still have a weight, as far as is known.
+    /// Whether a candidate can still get a weight.
     fn may_count(&self, candidate: usize) -> bool {
         let prior = &self.candidates[candidate];
         if !self.lobes_chosen && prior.anisotropic && prior.coated {
-            // Together only where one of them alone helps.
+            // Both lobes are tried together only if one of them helps.
             let [without, anisotropic, coated] = [0, 1, 2].map(|c| self.sum(c));
             if anisotropic.min(coated) > without {
                 return false;
             }
         }
         let known = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan());
-        // The empty sum of floats is -0.
+        // An empty sum of floats is -0.
         self.weight(known.fold(0.0, |sum, error| sum + error)) >= MIN_WEIGHT
     }
 
@@ -229,7 +238,7 @@ impl PriorChoice {
         self.candidates().filter(|&c| self.may_count(c)).find_map(|c| open(self.of(c)))
     }
 
-    /// Predicts a photograph from all others.
+    /// Squared error of a prediction.
     fn error(&self, prediction: usize) -> f64 {
         let folds = self.folds.len();
         let left_out = self.folds[prediction % folds];
@@ -239,7 +248,7 @@ impl PriorChoice {
         prediction::error(&problem.sample, left_out, &state.correction, lobes, at)
     }
 
-    /// A candidate fitted to all photographs but one.
+    /// A candidate's fit to all photographs but one.
     fn fitted(&self, candidate: usize, left_out: usize) -> (Problem, State) {
         let prior = &self.candidates[candidate];
         let which: Vec<usize> = self.which.iter().copied().filter(|&i| i != left_out).collect();

@@ -1,13 +1,13 @@
-//! Slopes without the shape of the sheet.
+//! Removal of the sheet's shape from the slopes.
 
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::channel;
 
-/// Cosines along each side that are shape, from the mean on.
+/// Lowest cosines along each side, from the mean on, that count as shape.
 const COSINES: usize = 3;
 
-/// A share of the slopes, without their lowest cosines; the other maps as they are.
+/// Maps with a share of the slopes, without the slopes' lowest cosines.
 pub(in crate::estimate) fn flattened(maps: &Svbrdf, share: f32) -> Svbrdf {
     let mut maps = maps.clone();
     let (width, height) = (maps.width(), maps.height());
@@ -15,7 +15,7 @@ pub(in crate::estimate) fn flattened(maps: &Svbrdf, share: f32) -> Svbrdf {
         [width, height].map(|n| (0..COSINES).map(|k| cosine(k, n)).collect::<Vec<_>>());
     for c in [channel::SLOPE_X, channel::SLOPE_Y] {
         let plane = maps.plane_mut(c);
-        // Of each row, then of all: [down][across].
+        // Coefficients of each row, then of the plane: [down][across].
         let rows = parallel::values(height, |y| {
             let row = &plane[y * width..][..width];
             std::array::from_fn::<f64, COSINES, _>(|i| {
@@ -53,9 +53,9 @@ fn cosine(k: usize, n: usize) -> Vec<f32> {
 mod tests {
     use super::*;
 
-    /// A tilted and bowed sheet with relief: the relief is left, whatever the shape.
+    /// Removes tilt and bow of a sheet and keeps its relief.
     #[test]
-    fn shape_goes_and_relief_stays() {
+    fn flattening_removes_shape_and_keeps_relief() {
         let (width, height) = (96, 64);
         let mut maps = Svbrdf::new(width, height);
         let relief = |x: usize, y: usize| 0.1 * (0.9 * x as f32).sin() * (1.3 * y as f32).cos();

@@ -1,14 +1,14 @@
-//! The joint solve: gloss of material classes, what all texels share, and a grid of texels, found together.
+//! The joint solve of material classes, shared unknowns and a grid of texels.
 //!
-//! A texel sees its gloss in the tails of highlights, where no lobe fits a real material: tails are 10 to 15 %
-//! off, alike over the sample. Where every texel may follow, each photograph makes the prediction of the next
-//! one worse. So gloss is that of soft classes of similar colour; slopes are a share of the learned ones; and
-//! texels deviate from both as far as it helps to predict photographs ([`choice`]). What all texels share
-//! (gain of each photograph, exposure over distance, offset of the flash, room light) is found in the same
-//! equations, each texel eliminated (Schur complement, [`super::bundle`]).
+//! Photographs show a texel's gloss mainly in the tails of highlights. No lobe fits the tails of real
+//! materials: they are 10 to 15 % off, alike over the sample. Free texels would fit this error and predict
+//! each further photograph worse. Therefore soft classes of colour share their gloss, and texels stay near
+//! their class and near the learned slopes. [`setup`] defines this prior; [`choice`] chooses its sigmas by
+//! the prediction of photographs. Gains, exponent, flash and room light are unknowns of the same equations
+//! ([`super::bundle`]).
 //!
-//! The mean slope of a sample, and the lowest cosines of its slopes, are the shape of the sheet or errors of
-//! the light, not relief: the prior's mean has none.
+//! The lowest cosines of the slopes, the mean included, are the sheet's shape or errors of the light. The
+//! prior's mean does not have them ([`flat`]).
 
 mod choice;
 mod classes;
@@ -20,12 +20,12 @@ mod tests;
 
 use std::sync::Arc;
 
-use super::belief::Belief;
 use super::bundle::{Descent, Sample, SharedLobes};
 use super::clusters::{Clusters, Feature};
 use super::coordinates::{Coordinates, from_coordinate, to_coordinate};
 use super::correction::{Correction, LightCorrection};
 use super::finer::full_colours;
+use super::map_state::MapState;
 use super::options::{EstimateOptions, JointPrior, SharedOptions};
 use super::photographs::Photographs;
 use super::prior::Prior;
@@ -37,7 +37,7 @@ pub(super) use classes::classes;
 pub(super) use flat::flattened;
 use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, TEXELS, descent};
 
-/// Steps, at most.
+/// Largest number of steps.
 pub(super) const STEPS: usize = 12;
 
 /// The joint solve in progress.
@@ -45,13 +45,13 @@ pub(super) struct JointFit {
     descent: Descent,
     prior: JointPrior,
     classes: Clusters,
-    /// Share of the texels' own deviations of gloss in the prior's mean, of too few photographs to leave one
-    /// out.
+    /// Share of the texels' own deviations of gloss in the prior's mean, with too few photographs to leave
+    /// one out.
     own: Option<f64>,
 }
 
 impl JointFit {
-    /// Before the first step, round maps whose slopes are learned ones.
+    /// Before the first step. `maps` have the learned slopes.
     pub fn new(
         photographs: &Photographs,
         maps: &Svbrdf,
@@ -73,12 +73,11 @@ impl JointFit {
         Self { descent: descent(problem, STEPS), prior, classes, own }
     }
 
-    /// One step.
     pub fn step(&mut self) {
         self.descent.step();
     }
 
-    /// Whether nothing is left to do.
+    /// Whether the solve has ended.
     pub fn is_done(&self) -> bool {
         self.descent.progress.done
     }
@@ -93,7 +92,7 @@ impl JointFit {
         self.descent.progress.cost
     }
 
-    /// What the photographs share, in words; gains beyond twice their sigma are named: the lobe does not fit.
+    /// The shared unknowns in words. Gains beyond twice their sigma show that the lobe does not fit.
     pub fn shared(&self, sigmas: &SharedOptions) -> String {
         let Correction { ambient, exposure, .. } = &self.descent.progress.state.correction;
         let LightCorrection { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
@@ -107,9 +106,9 @@ impl JointFit {
         text
     }
 
-    /// Corrects the photographs by what all texels share; the prior of the last steps is the one found: the
-    /// gloss of the classes, learned slopes, the sigmas chosen.
-    pub fn finish(self, photographs: &mut Photographs, belief: &mut Belief) {
+    /// Corrects the photographs' views, and sets maps and prior of the last steps: gloss of classes, learned
+    /// slopes, chosen sigmas.
+    pub fn finish(self, photographs: &mut Photographs, map_state: &mut MapState) {
         let Self { descent, prior, classes, own } = self;
         let (problem, state) = (descent.problem, descent.progress.state);
         let mut values = state.groups;
@@ -120,18 +119,19 @@ impl JointFit {
         for class in &mut values {
             class.iter_mut().zip(of_all).for_each(|(v, all)| *v += all);
         }
-        // Classes know every texel's colour.
-        belief.refine(photographs);
-        let slopes = flattened(&belief.maps, prior.relief as f32);
-        belief.mean = Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
-        belief.maps.clone_from(&belief.mean);
-        belief.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
-        belief.fixed_noise = Some(prior.noise as f32);
+        // Classes apply to the colours of texels at full size.
+        map_state.refine(photographs);
+        let slopes = flattened(&map_state.maps, prior.relief as f32);
+        map_state.mean =
+            Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
+        map_state.maps.clone_from(&map_state.mean);
+        map_state.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
+        map_state.fixed_noise = Some(prior.noise as f32);
         photographs.correct(state.correction);
     }
 }
 
-/// Classes and the gloss of each.
+/// Classes and their gloss.
 struct Gloss {
     classes: Clusters,
     values: Vec<Coordinates>,
@@ -139,8 +139,8 @@ struct Gloss {
 }
 
 impl Gloss {
-    /// Maps with the slopes of an estimate, the gloss of their classes and the colours that photographs show;
-    /// or with an `own` share of the estimate's gloss added, and its diffuse albedo.
+    /// Maps with the slopes of an estimate, the gloss of classes, and the photographs' colours. With `own`,
+    /// they have that share of the estimate's gloss in addition, and its diffuse albedo.
     fn maps(&self, estimate: &Svbrdf, own: Option<f64>, photographs: &Photographs) -> Svbrdf {
         let colours = full_colours(photographs);
         let mut maps = estimate.clone();

@@ -1,4 +1,4 @@
-//! Errors of predicted photographs.
+//! Error of a predicted photograph.
 
 use crate::estimate::bundle::Sample;
 use crate::estimate::coordinates::Coordinates;
@@ -7,8 +7,8 @@ use crate::estimate::correction::Correction;
 use crate::render::PointView;
 use crate::svbrdf::LOBES;
 
-/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
-/// apart.
+/// Weighted mean squared error of the prediction of a photograph that was not fitted, in gamma 2.2, with the
+/// best factor of brightness.
 pub(super) fn error(
     sample: &Sample,
     photograph: usize,

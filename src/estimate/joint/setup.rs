@@ -1,4 +1,18 @@
-//! The problem that the joint solve minimises.
+//! The prior of texels in the joint solve, and the problem that it minimises.
+//!
+//! A texel's coordinates have a normal prior. [`choice`](super::choice) chooses its [`JointPrior`] by
+//! leave-one-out predictions:
+//!
+//! | coordinate | prior mean | sigma |
+//! |---|---|---|
+//! | slopes | `relief` times the learned slopes | `slope` |
+//! | roots of diffuse albedo | those of the photographs' colour times [`DIFFUSE_FRACTION`] | `diffuse` |
+//! | roots of specular albedo | common gloss plus offset of the texel's classes | `specular` |
+//! | roughness | common gloss plus offset of the texel's classes | `roughness` |
+//!
+//! The solve estimates the common gloss and the offsets. The common gloss has mean [`JointOptions::gloss`]
+//! (roughness .5) and sigma [`JointOptions::gloss_sigma`]; offsets have mean 0 and sigma `between`. With two
+//! photographs, [`Setup::around`] takes the means from the maps so far.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -13,29 +27,29 @@ use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
 use crate::svbrdf::{CHANNELS, channel};
 
-/// Texels along the longer side that are fitted, at most.
+/// Largest number of texels along the longer side.
 pub(super) const TEXELS: usize = 64;
-/// Share of the colour seen that is diffuse, in the prior's mean.
+/// Diffuse share of the photographs' colour in the prior's mean.
 pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
-/// Relative gain of a step that is not worth another.
+/// A step with a smaller relative gain is the last.
 const CONVERGED: f64 = 1e-4;
-/// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm, of a turn in radians.
+/// Longest steps: logarithm of a gain, exponent, offset of the flash (mm), light rotation (radians).
 const MAX_STEPS: [f64; 4] = [1.0, 0.2, 15.0, 0.06];
-/// Longest turn of a light, radians: the model is one of small angles.
-const MAX_TURN: f64 = 0.3;
-/// Largest ambient fraction: beyond it a capture is no flash capture.
+/// Largest angle of a light rotation, radians: the model is one of small angles.
+const MAX_ROTATION: f64 = 0.3;
+/// Largest ambient fraction: with more, a photograph is not a flash photograph.
 const MAX_AMBIENT: f64 = 0.4;
-/// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample shows that
-/// a room is not uniform.
+/// Radiance of ambient light (white paper under the flash is 1) above which a smooth sample shows a room's
+/// unevenness.
 const MIN_SURROUND: f32 = 0.01;
 
-/// Greatest number of an anisotropy: the alphas differ by a factor of 12.
+/// Largest number of anisotropy: the alphas differ by a factor of 12.
 const MAX_ANISOTROPY: f64 = 2.5;
-/// Roughness of a coat: a narrower highlight falls between the texels that are fitted, which then say
-/// nothing of it; a wider one is that of a rough base.
+/// Range of a coat's roughness: a narrower highlight falls between the fitted texels; a wider one is that of
+/// a rough base.
 const COAT_ROUGHNESS: [f64; 2] = [0.15, 0.35];
 
-/// Coordinates that classes share.
+/// Coordinates of gloss, which classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
 
 /// Coordinates of the diffuse albedo.
@@ -53,7 +67,7 @@ impl JointPrior {
     }
 }
 
-/// A descent from the prior's mean, with nothing corrected.
+/// A descent from the prior's mean and from uncorrected views.
 pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
     let count = problem.which.len();
     let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
@@ -67,30 +81,30 @@ pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
     Descent::new(problem, start, Limits { steps, converged: CONVERGED })
 }
 
-/// The most probable state near the prior's mean.
+/// The minimum nearest to the prior's mean, after at most `steps` steps.
 pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
     descent(problem, steps).run()
 }
 
-/// Classes of colours.
+/// Classes of colour.
 pub(super) fn clusters(colours: &[Feature], options: &JointOptions) -> Clusters {
     Clusters::find(colours, options.classes, None)
 }
 
-/// What the prior refers to: classes of colour and the texels' prior means.
+/// Means of the prior, and classes of colour.
 #[derive(Debug, Clone)]
 pub(super) struct Setup {
     pub classes: Clusters,
-    /// How much texels belong to all, and to each class.
+    /// Shares of each texel: 1 in the common gloss, then in each class.
     shares: Vec<f32>,
-    /// Prior means of texels, but for gloss: what is added to that of the classes.
+    /// Prior means of texels without the gloss of all and of classes.
     mean: Vec<Coordinates>,
-    /// Prior means of the gloss of all and of what each class adds.
+    /// Prior means of the common gloss, then of each class's offset.
     means: Vec<Coordinates>,
 }
 
 impl Setup {
-    /// Of some photographs, on a share of the slopes of an `estimate`.
+    /// Means from the photographs `which` and from the slopes of an `estimate`.
     pub fn new(
         sample: &Sample,
         which: &[usize],
@@ -121,8 +135,8 @@ impl Setup {
         Self { mean: mean.collect(), classes, shares, means }
     }
 
-    /// Round an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share of each
-    /// texel's deviation from that.
+    /// Takes the means from an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share
+    /// of each texel's deviation from it.
     pub fn around(mut self, estimate: &[Coordinates], own: f64) -> Self {
         let count = self.means.len();
         let mut totals = vec![1e-9; count];
@@ -153,7 +167,7 @@ impl Setup {
         self
     }
 
-    /// The problem of these photographs; `board`: whether a board has shown the lights.
+    /// The problem of the photographs `which`. `board` says that a board determines the lights.
     pub fn problem(
         self,
         sample: &Arc<Sample>,
@@ -163,7 +177,8 @@ impl Setup {
         options: &EstimateOptions,
     ) -> Problem {
         let EstimateOptions { joint: options, noise, .. } = options;
-        // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
+        // Errors of the model are alike all over a sample: fewer texels count against the priors of shared
+        // unknowns.
         let scale = sample.texels() as f64 / options.independent_texels;
         let [root, roughness] = options.gloss_sigma.map(|s| scale / (s * s));
         let of_all =
@@ -190,8 +205,8 @@ impl Setup {
     }
 }
 
-/// What all texels share: exposure of each photograph and place of the flash; with a board what a smooth
-/// sample mirrors of the room, without one ambient light and, of many photographs, the direction of each light.
+/// Unknowns that all texels share: gains, exponent and flash; with a board the reflected ambient light;
+/// without one the ambient light and, with many photographs, light rotations; accepted optional lobes.
 fn shared(
     sample: &Sample,
     which: &[usize],
@@ -201,7 +216,7 @@ fn shared(
     classes: usize,
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
-    let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
+    let [of_gain, of_exponent, of_flash, of_rotation] = MAX_STEPS;
     let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
     let photographs = 0..which.len();
     let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
@@ -214,7 +229,8 @@ fn shared(
         if which.len() >= sigmas.turns_from {
             all.extend(photographs.flat_map(|i| {
                 [0, 1].map(|axis| {
-                    new(Parameter::Turn(i, axis), sigmas.turn, of_turn).within(-MAX_TURN, MAX_TURN)
+                    new(Parameter::Rotation(i, axis), sigmas.turn, of_rotation)
+                        .within(-MAX_ROTATION, MAX_ROTATION)
                 })
             }));
         }
@@ -229,7 +245,7 @@ fn shared(
         let [low, high] = [-MAX_ANISOTROPY, MAX_ANISOTROPY];
         let [of_all, of_class] = sigmas.anisotropy;
         for group in 0..=classes {
-            // A class is a part of the texels.
+            // A class has a part of the texels.
             let sigma = if group == 0 { of_all } else { of_class * (classes as f64).sqrt() };
             let numbers = [0, 1].map(|i| new(Parameter::Anisotropy(group, i), sigma, 0.5));
             all.extend(numbers.map(|number| number.within(low, high)));

@@ -8,7 +8,7 @@ use crate::test_support::{photograph, view_from};
 
 const SIDE: usize = 32;
 
-/// Two colours of one gloss on a sheet that is flat, or bumpy.
+/// Two colours of one gloss on a flat or bumpy sheet.
 fn material(bumps: f32) -> Svbrdf {
     let mut maps = Svbrdf::new(SIDE, SIDE);
     let mut random = Random::new(5);
@@ -36,7 +36,7 @@ fn given(i: usize) -> View {
     View { falloff, ..view_from(place(i)) }
 }
 
-/// Photographs with lights moved, exposures changed and radiances spoiled; their views as given.
+/// Noisy photographs with a wrong exposure and flash; their views are uncorrected.
 fn photographs(
     truth: &Svbrdf,
     count: usize,
@@ -67,55 +67,55 @@ fn options() -> EstimateOptions {
     EstimateOptions::default()
 }
 
-/// One class of one gloss.
+/// A prior of one class with one gloss.
 fn one_class() -> JointPrior {
     JointPrior { between: 0.001, specular: 0.002, roughness: 0.001, ..JointPrior::default() }
 }
 
-/// A joint solve, to its end.
-fn fit(photographs: &mut Photographs, prior: JointPrior, board: bool) -> Belief {
+/// Runs a joint solve to its end.
+fn fit(photographs: &mut Photographs, prior: JointPrior, board: bool) -> MapState {
     let options = options();
-    let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &options);
-    let mut fit = JointFit::new(photographs, &belief.maps, prior, board, &options);
+    let mut map_state = MapState::new(Svbrdf::new(SIDE, SIDE), &options);
+    let mut fit = JointFit::new(photographs, &map_state.maps, prior, board, &options);
     while !fit.is_done() {
         fit.step();
     }
-    fit.finish(photographs, &mut belief);
-    belief
+    fit.finish(photographs, &mut map_state);
+    map_state
 }
 
-/// Gains and exponent share what they explain as their priors say: their sum is compared.
+/// Compares the sum of gain and exponent, because their priors divide the explained part between them.
 #[test]
-fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
+fn exposure_and_flash_are_estimated() {
     for exposure in [planted(), LightCorrection::default()] {
         let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
-        let belief = fit(&mut photographs, one_class(), true);
-        let found = &photographs.correction().exposure;
-        for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
-            // A tenth of a degree at this distance is 0.25 mm.
-            assert!((a - b).abs() < 1.5, "{found:?}");
+        let map_state = fit(&mut photographs, one_class(), true);
+        let estimated = &photographs.correction().exposure;
+        for (a, b) in estimated.offset_mm.iter().zip(exposure.offset_mm).take(2) {
+            // An angle of 0.1 degrees is 0.25 mm at this distance.
+            assert!((a - b).abs() < 1.5, "{estimated:?}");
         }
         let logs = |exposure: &LightCorrection| -> Vec<f64> {
             let all: Vec<f64> = (0..6).map(|i| exposure.factor(&given(i), Some(i)).ln()).collect();
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             all.into_iter().map(|v| v - mean).collect()
         };
-        for (a, b) in logs(found).iter().zip(logs(&exposure)) {
-            assert!((a - b).abs() < 0.03, "{found:?}");
+        for (a, b) in logs(estimated).iter().zip(logs(&exposure)) {
+            assert!((a - b).abs() < 0.03, "{estimated:?}");
         }
-        let roughness = belief.mean.plane(channel::ROUGHNESS);
+        let roughness = map_state.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
-        assert_eq!(belief.fixed_noise, Some(options().joint.few.noise as f32));
+        assert_eq!(map_state.fixed_noise, Some(options().joint.few.noise as f32));
     }
 }
 
-/// Without a board, lights that are off by four degrees and ambient light that is not stated are found: most of
-/// both.
+/// Without a board, the solve estimates most of a rotation of the lights by four degrees and of unstated
+/// ambient light.
 #[test]
 fn wrong_lights_are_corrected() {
-    let turn = |i: usize| [0.07 * (2.1 * i as f64).sin(), 0.07 * (2.1 * i as f64).cos()];
-    let turns: Vec<[f64; 2]> = (0..8).map(turn).collect();
+    let rotation = |i: usize| [0.07 * (2.1 * i as f64).sin(), 0.07 * (2.1 * i as f64).cos()];
+    let turns: Vec<[f64; 2]> = (0..8).map(rotation).collect();
     let planted = Correction { turns, ambient: 0.05, ..Correction::default() };
     let mut photographs = Photographs::new();
     for i in 0..8 {
@@ -129,11 +129,16 @@ fn wrong_lights_are_corrected() {
     };
     let (truth, as_given) = (places(&planted), places(&Correction::default()));
     fit(&mut photographs, one_class(), false);
-    let found = places(photographs.correction());
+    let estimated = places(photographs.correction());
     let error = |places: &[glam::Vec3]| -> f32 {
         places.iter().zip(&truth).map(|(a, b)| a.angle_between(*b).powi(2)).sum::<f32>().sqrt()
     };
-    assert!(error(&found) < 0.5 * error(&as_given), "{} {}", error(&found), error(&as_given));
+    assert!(
+        error(&estimated) < 0.5 * error(&as_given),
+        "{} {}",
+        error(&estimated),
+        error(&as_given)
+    );
     let ambient = photographs.correction().ambient;
     assert!((ambient - 0.05).abs() < 0.025, "{ambient}");
 }
@@ -151,9 +156,9 @@ fn chosen(photographs: &Photographs, maps: &Svbrdf) -> JointPrior {
     choice.chosen().unwrap()
 }
 
-/// Learned slopes that photographs bear out are taken over; those that a fit has made up are not.
+/// The choice keeps learned slopes that predict photographs and drops made-up ones.
 #[test]
-fn learned_slopes_are_taken_where_they_predict() {
+fn learned_slopes_are_kept_if_they_predict() {
     for bumps in [0.0, 0.2] {
         let photographs = photographs(&material(bumps), 6, &LightCorrection::default(), 0.02);
         let right = chosen(&photographs, &material(bumps));
@@ -173,9 +178,9 @@ fn undone() -> PriorChoice {
     choice
 }
 
-/// Photographs of brushed, or coated, material show which lobe it has, and those of neither that it has none.
+/// Photographs of a brushed, a coated and a plain material select the right lobes.
 #[test]
-fn optional_lobes_are_chosen_where_they_predict_and_found() {
+fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
     let (brushed, coated) = ([0.8, -0.6, 0.0, 0.2], [0.0, 0.0, 1.0, 0.15]);
     for (seed, lobes) in [None, Some(brushed), Some(coated)].into_iter().enumerate() {
         let mut truth = material(0.0);
@@ -185,10 +190,10 @@ fn optional_lobes_are_chosen_where_they_predict_and_found() {
         let prior = chosen(&photographs, &material(0.0));
         let expected = [lobes == Some(brushed), lobes == Some(coated)];
         assert_eq!([prior.anisotropic, prior.coated], expected, "{seed}: {prior:?}");
-        let found = fit(&mut photographs, prior, true).mean;
-        let value = |i: usize| found.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
+        let estimated = fit(&mut photographs, prior, true).mean;
+        let value = |i: usize| estimated.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
         for (i, expected) in lobes.unwrap_or(NO_LOBES).into_iter().enumerate() {
-            // Where there is no coat its roughness means nothing.
+            // The roughness of an absent coat is arbitrary.
             if i != lobe::COAT_ROUGHNESS || lobes == Some(coated) {
                 assert!(
                     (f64::from(value(i)) - expected).abs() < 0.1,
@@ -200,7 +205,7 @@ fn optional_lobes_are_chosen_where_they_predict_and_found() {
     }
 }
 
-/// Candidates that predict alike have a mean; one that predicts far better is taken as it is.
+/// Equal candidates are averaged; one that predicts far better is chosen alone.
 #[test]
 fn the_prior_is_a_mean_weighted_by_predictions() {
     let mut choice = undone();
@@ -209,20 +214,20 @@ fn the_prior_is_a_mean_weighted_by_predictions() {
     choice.errors.fill(0.01);
     let slopes = candidates.iter().map(|prior| prior.slope.ln()).sum::<f64>();
     let mean = (slopes / candidates.len() as f64).exp();
-    let found = choice.chosen().unwrap();
-    assert!((found.slope / mean - 1.0).abs() < 1e-9);
-    assert!((found.relief - 3.0 / 4.0).abs() < 1e-9, "{found:?}");
+    let estimated = choice.chosen().unwrap();
+    assert!((estimated.slope / mean - 1.0).abs() < 1e-9);
+    assert!((estimated.relief - 3.0 / 4.0).abs() < 1e-9, "{estimated:?}");
     let (folds, better) = (choice.folds.len(), 2);
     choice.errors[better * folds..][..folds].fill(0.004);
-    let found = choice.chosen().unwrap();
-    assert_eq!(found.relief, 1.0);
-    assert!((found.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{found:?}");
+    let estimated = choice.chosen().unwrap();
+    assert_eq!(estimated.relief, 1.0);
+    assert!((estimated.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{estimated:?}");
 }
 
-/// Predictions end when no further one could change the choice: against tables of all errors, drawn at
-/// random.
+/// Predictions end when no further one can change the choice. Random tables of all errors give the expected
+/// choice.
 #[test]
-fn predictions_that_are_left_out_change_no_choice() {
+fn skipped_predictions_do_not_change_the_choice() {
     let mut random = Random::new(11);
     let (mut done, mut all) = (0, 0);
     let mut choice = undone();
@@ -244,9 +249,9 @@ fn predictions_that_are_left_out_change_no_choice() {
     assert!(10 * done < 9 * all, "{done} of {all}");
 }
 
-/// Predictions whose errors are no numbers are made like others, and choose nothing.
+/// A prediction with an infinite or undefined error counts as made.
 #[test]
-fn errors_that_are_no_numbers_end_the_choice() {
+fn errors_that_are_not_finite_end_the_choice() {
     for error in [f64::NAN, f64::INFINITY] {
         let mut choice = undone();
         for _ in 0..choice.errors.len() {
@@ -259,10 +264,9 @@ fn errors_that_are_no_numbers_end_the_choice() {
     }
 }
 
-/// With all of its own deviations an estimate is its own mean: nothing is lost between classes and
-/// texels.
+/// An estimate with all of its own deviations is its own mean: classes and texels lose nothing.
 #[test]
-fn classes_and_all_own_deviations_make_up_the_estimate() {
+fn classes_and_own_deviations_sum_to_the_estimate() {
     let mut estimate = material(0.0);
     let mut random = Random::new(3);
     for c in GLOSS {
@@ -283,13 +287,13 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
     for (t, estimate) in coordinates.iter().enumerate() {
         let mean = problem.mean(t, &state);
         for c in channel::DIFFUSE..CHANNELS {
-            // shares are in single precision
+            // The shares are in single precision.
             assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
         }
     }
     let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4], lobes: None };
     let maps = gloss.maps(&estimate, Some(1.0), &photographs);
-    for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
-        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    for (estimated, expected) in maps.planes().iter().zip(estimate.planes()) {
+        assert!((estimated - expected).abs() < 1e-5, "{estimated} {expected}");
     }
 }

@@ -1,4 +1,4 @@
-//! The latent code, the detail kept aside, and everything one step needs.
+//! The latent code, its fixed detail, and its optimiser.
 
 use super::gains;
 use crate::estimate::adam::Adam;
@@ -9,15 +9,13 @@ use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, encoding};
 use crate::{Error, Result, Svbrdf};
-use serde::{Deserialize, Serialize};
 
 /// Decay of Adam's moments.
 const BETAS: [f32; 2] = [0.9, 0.99];
-/// Least deviation of slopes from the start's, in encoded units; otherwise it is the root mean square of
-/// these: what looks flat mostly is, and on a polished surface small slopes show most.
+/// Least expected deviation of slopes from the start's, in encoded units. Otherwise it is their root mean
+/// square: start maps that look flat mostly are, and small slopes matter most on polished surfaces.
 const MIN_DEVIATION: f32 = 0.01;
-/// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
-/// otherwise stay black for ever.
+/// Least derivative of an albedo by its encoded value in a step: black texels would otherwise stay black.
 const MIN_DERIVATIVE: f32 = 0.02;
 /// Texels per task of the conversions between encoded and natural parameters.
 const CHUNK: usize = 4096;
@@ -25,21 +23,21 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Code {
     values: Vec<f32>,
-    /// Slopes that the prior holds on to, two encoded planes.
+    /// Mean of the prior of slopes, two encoded planes.
     anchor: Vec<f32>,
-    /// Expected error of the anchor.
+    /// Sigma of the prior of slopes.
     deviation: f32,
     adam: Adam,
-    /// What the decoder cannot express of the start, encoded planes.
+    /// Detail of the start that the decoder cannot express, encoded planes.
     detail: Vec<f32>,
     maps: Svbrdf,
-    /// Whether the code has moved since the maps were written.
+    /// Whether the maps are older than the code.
     stale: bool,
-    /// What the steps work with; made when needed.
+    /// Buffers of a step; allocated when needed.
     tools: Option<Box<Tools>>,
 }
 
-/// The large buffers.
+/// Large buffers.
 #[derive(Debug)]
 struct Tools {
     gradient: Vec<f32>,
@@ -77,8 +75,8 @@ impl Code {
         Ok(code)
     }
 
-    /// Goes on from other maps of the same size with the code and moments found so far: the
-    /// difference is detail.
+    /// Continues from other maps of the same size with the current code and moments; the difference becomes
+    /// detail.
     pub fn restart(&mut self, networks: &Networks, start: &Svbrdf) -> Result<()> {
         let mut tools = self.take_tools(networks)?;
         let decoded = networks.decoder().forward(&self.values, &mut tools.workspace)?;
@@ -98,45 +96,7 @@ impl Code {
         }
     }
 
-    /// What [`Code::restore`] needs.
-    pub fn save(&self) -> SavedCode {
-        SavedCode {
-            code: self.values.clone(),
-            adam: self.adam.clone(),
-            anchor: self.anchor.clone(),
-            deviation: self.deviation,
-            detail: self.detail.clone(),
-            maps: self.maps.clone(),
-            stale: self.stale,
-        }
-    }
-
-    /// Goes on from what was saved. Code and moments mean nothing to other networks than theirs:
-    /// without `same_networks` the maps are encoded anew.
-    pub fn restore(networks: &Networks, saved: SavedCode, same_networks: bool) -> Result<Self> {
-        let SavedCode { code, adam, anchor, deviation, detail, maps, stale } = saved;
-        if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
-            return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
-        }
-        if !deviation.is_finite() || adam.second.iter().any(|v| *v < 0.0) {
-            return Err(Error::argument("moments", "a deviation or mean square is out of range"));
-        }
-        let deviation = deviation.max(MIN_DEVIATION);
-        let adam = Adam { steps: adam.steps.max(0), ..adam };
-        if !same_networks {
-            let found = Self::new(networks, &maps)?;
-            return Ok(Self { anchor, deviation, ..found });
-        }
-        let decoder = networks.decoder();
-        let stride = decoder.stride();
-        let length = decoder.code_channels() * (maps.texels() / (stride * stride));
-        if code.len() != length || !adam.fits(length) {
-            return Err(Error::argument("code", "code and moments are not of the maps' size"));
-        }
-        Ok(Self { values: code, anchor, deviation, adam, detail, maps, stale, tools: None })
-    }
-
-    /// Gives the maps the gains that the photographs ask for and goes on from their code.
+    /// Applies the gains that the photographs determine and continues from the code of the result.
     pub fn apply_gains(&mut self, networks: &Networks, observations: &[Observation]) -> Result<()> {
         let mut maps = self.maps.clone();
         if gains::apply(&mut maps, observations) {
@@ -150,7 +110,7 @@ impl Code {
         &self.maps
     }
 
-    /// Brings the maps up to the code.
+    /// Updates the maps from the code.
     pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
         if self.stale {
             let mut tools = self.take_tools(networks)?;
@@ -176,7 +136,8 @@ impl Code {
         if !loss.is_finite() {
             return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
         }
-        // The first photographs are ambiguous, not just noisy: the prior fades with their square.
+        // The first photographs are ambiguous, not only noisy: the prior fades with the square of their
+        // number.
         let photographs = observations.len().max(1) as f32;
         let prior_weight = options.prior_weight / (photographs * photographs);
         self.encode_gradient(&mut tools, prior_weight);
@@ -203,9 +164,8 @@ impl Code {
         });
     }
 
-    /// Turns the gradient with respect to natural parameters into that with respect to the
-    /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
-    /// counts.
+    /// Converts the gradient from natural parameters to the decoder's output and adds the prior's. At a bound
+    /// of the range, a gradient that leads outward is 0.
     fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32) {
         let n = self.maps.texels();
         let Tools { gradient, workspace, .. } = tools;
@@ -217,7 +177,7 @@ impl Code {
             let planes = decoded[at..].iter().zip(&detail[at..]);
             for (g, (d, r)) in gradient.iter_mut().zip(planes) {
                 let e = d + r;
-                // At the lower bound of an albedo the derivative vanishes: a dead end.
+                // The derivative of an albedo vanishes at its lower bound.
                 *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_DERIVATIVE);
                 let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
                 *g = if outward { 0.0 } else { *g };
@@ -232,7 +192,7 @@ impl Code {
     }
 }
 
-/// Chunks of planes of `n` values, each with its plane and its place in it.
+/// Chunks of planes of `n` values, with plane and index of each.
 fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &mut [f32])> {
     let of_plane = |(c, plane)| {
         <[f32]>::chunks_mut(plane, CHUNK).enumerate().map(move |(i, piece)| (c, i, piece))
@@ -240,31 +200,10 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
     planes.chunks_mut(n).enumerate().flat_map(of_plane)
 }
 
-/// A [`Code`] as plain data.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedCode {
-    /// The latent code.
-    #[serde(with = "crate::little_endian")]
-    pub code: Vec<f32>,
-    /// Its moments, as many.
-    pub adam: Adam,
-    /// Slopes that the prior holds on to: two encoded planes.
-    #[serde(with = "crate::little_endian")]
-    pub anchor: Vec<f32>,
-    /// Their expected error.
-    pub deviation: f32,
-    /// What the decoder cannot express of the start: nine encoded planes.
-    #[serde(with = "crate::little_endian")]
-    pub detail: Vec<f32>,
-    pub maps: Svbrdf,
-    /// Whether the code has moved since the maps were written.
-    pub stale: bool,
-}
-
 fn encoded_range(c: usize) -> (f32, f32) {
     let (low, high) = RANGE[c];
     match c {
-        // not through `encode`, which stops at the slopes the networks can express
+        // `encode` would clip to the slopes that the networks can express.
         crate::svbrdf::channel::SLOPE_X | crate::svbrdf::channel::SLOPE_Y => {
             (low / encoding::SLOPE_SCALE, high / encoding::SLOPE_SCALE)
         }

@@ -1,10 +1,10 @@
-//! Gains of the maps as a whole: of the albedos and slopes, and a shift of roughness.
+//! Gains of the maps as a whole: of albedos and slopes, and a shift of roughness.
 //!
-//! Eight numbers see all texels of all photographs, so even one photograph pins them down, where a
-//! free fit would explain a wrong roughness by albedo and normals texel by texel.
+//! All texels of all photographs constrain these eight numbers. A free fit of one photograph would instead
+//! compensate a wrong roughness by albedo and normals of each texel.
 //!
-//! The search is BFGS: the gradient of the maps is at hand from the renderer's adjoint and sums to that
-//! of the gains, while Gauss-Newton would need the derivatives of every residual by each gain.
+//! The search is BFGS, because the renderer's adjoint gives the gradient. Gauss-Newton would need the
+//! derivatives of every residual.
 
 use crate::Svbrdf;
 use crate::observation::Observation;
@@ -12,27 +12,27 @@ use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
 
-/// Logarithms of the gains of diffuse and specular albedo (three each), shift of the logit of
-/// roughness, logarithm of the gain of the slopes.
+/// Logarithms of the gains of diffuse and specular albedo (three each), shift of the logit of roughness,
+/// logarithm of the gain of slopes.
 type Gains = [f64; 8];
 
-/// Their expected size.
+/// Sigma of the gains.
 const SIGMA: f64 = 0.6;
-/// Weight of that prior beside the mean loss, divided by the number of photographs.
+/// Weight of their prior relative to the mean loss, divided by the number of photographs.
 const PRIOR_WEIGHT: f64 = 1e-2;
-/// Steps, at most.
+/// Largest number of steps.
 const STEPS: usize = 20;
 /// Longest step.
 const MAX_STEP: f64 = 0.7;
-/// Loss relative to that without gains that is worth them.
+/// Largest ratio of the losses with and without gains that accepts the gains.
 const BETTER_MAPS: f64 = 0.99;
-/// Roughness is moved below this: its logit has no end at 1.
+/// Largest roughness before the shift: its logit is infinite at 1.
 const MAX_ROUGHNESS: f32 = 0.98;
 
 const ROUGHNESS: usize = 6;
 const SLOPES: usize = 7;
 
-/// Gives maps the gains that explain the photographs best; returns whether anything was gained.
+/// Applies the gains that explain the photographs best; returns whether they were accepted.
 pub(super) fn apply(maps: &mut Svbrdf, observations: &[Observation]) -> bool {
     let mut problem = Problem::new(maps, observations);
     let mut search = Search::new(&mut problem);
@@ -62,7 +62,7 @@ impl<'a> Problem<'a> {
         Self { base, moved, observations, gradient, prior_weight }
     }
 
-    /// Writes the maps with gains to `moved`.
+    /// Writes the maps with these gains to `moved`.
     fn apply(&mut self, gains: &Gains) {
         let n = self.base.texels();
         let base = &self.base;
@@ -73,7 +73,7 @@ impl<'a> Problem<'a> {
             for (to, &from) in plane.iter_mut().zip(source) {
                 *to = if c == channel::ROUGHNESS {
                     let r = from.clamp(MIN_ROUGHNESS, MAX_ROUGHNESS);
-                    // the logistic function of logit + shift
+                    // The logistic function of logit + shift.
                     let moved = r * amount / (1.0 - r + r * amount);
                     moved.clamp(MIN_ROUGHNESS, 1.0)
                 } else {
@@ -110,7 +110,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Which gain moves a channel.
+/// Index of a channel's gain.
 fn parameter(c: usize) -> usize {
     match c {
         channel::SLOPE_X | channel::SLOPE_Y => SLOPES,
@@ -119,8 +119,7 @@ fn parameter(c: usize) -> usize {
     }
 }
 
-/// A descent by BFGS (Nocedal and Wright, Numerical Optimization, eq. 6.17) with a line search
-/// that halves.
+/// BFGS (Nocedal and Wright, Numerical Optimization, eq. 6.17) with a backtracking line search.
 struct Search {
     at: Gains,
     value: f64,
@@ -134,7 +133,7 @@ impl Search {
         let at = [0.0; 8];
         let (value, gradient) = problem.evaluate(&at);
         let mut inverse = [[0.0; 8]; 8];
-        // One unit of loss per unit of gradient, at the scale of the expected gains.
+        // The initial Hessian is the inverse variance of the gains.
         for (i, row) in inverse.iter_mut().enumerate() {
             row[i] = SIGMA * SIGMA;
         }
@@ -207,14 +206,14 @@ mod tests {
     use crate::estimate::latent::tests::{SIDE, TOP, material, photograph};
 
     #[test]
-    fn the_gradient_is_that_of_finite_differences() {
+    fn the_gradient_matches_finite_differences() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
         let mut problem = Problem::new(&truth, &observations);
         let at = [0.1, -0.2, 0.05, 0.3, -0.1, 0.2, -0.4, 0.15];
         let (_, gradient) = problem.evaluate(&at);
         for i in 0..8 {
-            // the loss is a sum of absolute values: wide differences average over its corners
+            // The loss is a sum of absolute values: wide differences average over its kinks.
             let h = 2e-3;
             let mut value = |d: f64| {
                 let mut to = at;
@@ -228,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_scale_of_everything_is_put_right() {
+    fn gains_correct_wrong_scales() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
         let mut problem = Problem::new(&truth, &[]);

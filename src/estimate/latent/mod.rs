@@ -1,18 +1,20 @@
 //! Optimisation of the latent code against all photographs.
 //!
-//! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
-//! additions. What the decoder cannot express of the start is kept as a fixed detail,
-//! `maps = D(z) + (start - D(E(start)))` in encoded space, so that the fit begins exactly at the
-//! start and moves it within what materials do. Each photograph begins with gains of the maps as a whole. A prior, weaker with every photograph, holds the slopes to the
-//! start's.
+//! The objective is that of the paper (section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with three
+//! additions:
 //!
-//! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
-//! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
+//! - A fixed detail holds the part of the start that the decoder cannot express: `maps = D(z) + (start -
+//!   D(E(start)))` in encoded space. The fit begins exactly at the start.
+//! - Gains of the maps as a whole come first for each photograph.
+//! - A prior holds the slopes to the start's; its weight falls with every photograph.
 //!
-//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
-//! new photograph it begins again, with code and moments as they were. With the third it begins
-//! anew, from the mean of what each photograph says alone: one or two photographs are ambiguous, and
-//! steps do not lead out of where a wrong reading of them has led the code.
+//! The code works on averages of at most [`CODE_TEXELS`] texels a side; finer detail is that of the start:
+//! `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
+//!
+//! Photographs may be added, and maps taken, between any two steps. With each photograph, the code is encoded
+//! again from the current maps, so that a saved fit needs only maps. With the third, it is encoded from the
+//! mean of each photograph's own maps, because one or two photographs are ambiguous and Adam does not escape
+//! a wrong basin.
 
 mod code;
 mod gains;
@@ -31,19 +33,16 @@ use crate::observation::Observation;
 use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 use code::Code;
-pub(crate) use code::SavedCode;
 
-/// Photographs that came before the fit had settled and add their steps, at most.
+/// Largest number of photographs, added during a fit, that add their steps.
 const MAX_PENDING: usize = 8;
-/// Most steps and photographs that a saved fit is believed.
-const MAX_SAVED: usize = 1 << 24;
 
-/// What a step did.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StepReport {
     /// Mean log-L1 before the step.
     pub loss: f64,
-    /// Nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub settled: bool,
 }
 
@@ -51,40 +50,40 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
-    /// Where the code began, of as many texels as the phases work with.
+    /// The maps that the code started from with the latest photograph, at the resolution of the phases.
     start: Svbrdf,
-    /// Mean of the first maps of each photograph, until the code begins anew from it.
+    /// Mean of the photographs' own maps, until the code restarts from it.
     first: Option<Svbrdf>,
-    /// Of averages of the texels.
+    /// The code of averages of texels.
     code: Code,
-    /// Photographs so far.
+    /// Number of photographs.
     photographs: usize,
     position: LatentPosition,
 }
 
-/// How far a fit is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct LatentPosition {
+/// Progress of a fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct LatentPosition {
     /// Steps done since the latest photograph.
-    pub done: usize,
-    /// Photographs since the fit had settled.
-    pub fresh: usize,
-    /// Mean log-L1 of the latest step; not a number before the first.
-    pub loss: f64,
+    done: usize,
+    /// Photographs since the fit last converged.
+    fresh: usize,
+    /// Mean log-L1 of the latest step; NaN before the first, while the maps are the start's.
+    loss: f64,
 }
 
-/// What a [`LatentFit`] holds apart from photographs and networks.
+/// A [`LatentFit`] as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedFit {
-    pub position: LatentPosition,
-    pub start: Svbrdf,
-    pub first: Option<Svbrdf>,
-    pub code: SavedCode,
+pub(crate) struct SavedLatent {
+    /// The maps of the code.
+    maps: Svbrdf,
+    /// Photographs with remaining steps.
+    fresh: usize,
 }
 
 impl LatentFit {
-    /// Starts from maps for photographs of `[width, height]` texels. `start` has that resolution or a
-    /// half, a quarter, ... of it, as [`Networks::photo_maps`] gives it, or twice, ....
+    /// Starts from maps for photographs of `[width, height]` texels. `start` has this resolution or a power
+    /// of two of it, like that of [`Networks::photo_maps`].
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
@@ -109,44 +108,36 @@ impl LatentFit {
         Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again from where it is, with the third anew.
+    /// Adds a photograph: the fit restarts from its maps, with the third from the mean of the photographs'
+    /// own.
     ///
     /// # Errors
     /// When a network is broken.
     pub fn add_photograph(&mut self, observation: &Observation) -> Result<()> {
         let photographs = self.photographs + 1;
-        let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
-        self.begin_again()?;
-        (self.position.fresh, self.photographs) = (fresh, photographs);
-        if photographs > 1
-            && let Some(mean) = self.first.take()
-        {
-            let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
-            let mean = moved(&mean, &maps, (photographs as f32).recip());
-            if photographs < self.options.all_steps_to {
-                self.first = Some(mean);
-            } else {
-                self.code = Code::new(&self.networks, &averaged(&mean))?;
-                self.start = mean;
-                // It has settled on none.
-                self.position.fresh = photographs;
+        let mut fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
+        if photographs > 1 {
+            self.refresh()?;
+            self.start = self.maps();
+            if let Some(mean) = self.first.take() {
+                let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
+                let mean = moved(&mean, &maps, (photographs as f32).recip());
+                if photographs < self.options.all_steps_to {
+                    self.first = Some(mean);
+                } else {
+                    self.start = mean;
+                    // The fit has converged on none of them.
+                    fresh = photographs;
+                }
             }
+            self.code = Code::new(&self.networks, &averaged(&self.start))?;
         }
+        self.photographs = photographs;
+        self.position = LatentPosition { done: 0, fresh, loss: f64::NAN };
         Ok(())
     }
 
-    /// Begins again from where the fit is, as light or ambient light were estimated anew.
-    ///
-    /// # Errors
-    /// When a network is broken.
-    pub fn begin_again(&mut self) -> Result<()> {
-        let fresh = if self.is_settled() { 0 } else { self.position.fresh };
-        self.refresh()?;
-        (self.position.done, self.position.fresh) = (0, fresh);
-        Ok(())
-    }
-
-    /// One step; does nothing once settled.
+    /// One step; does nothing after the last.
     ///
     /// # Errors
     /// When a network is broken or the loss is not finite.
@@ -156,13 +147,16 @@ impl LatentFit {
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let averages = photographs.averaged();
-        let observations = chosen(&averages, &photographs.drawn(done));
+        let observations = chosen(&averages, &photographs.subset(done));
         if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
-        // A restored fit may have done more than what one photograph asks for.
-        let progress = (done as f32 / steps as f32).min(1.0);
-        let rate = options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
+        let progress = done as f32 / steps as f32;
+        // Moments start at zero with each photograph, which makes the first steps long: with many
+        // photographs, steps are shorter.
+        let few = (options.all_steps_to as f32 / self.photographs as f32).min(1.0);
+        let rate =
+            few * options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
         self.position.loss = self.code.step(&self.networks, &observations, rate, options)?;
         self.position.done += 1;
         if self.is_settled() {
@@ -171,13 +165,16 @@ impl LatentFit {
         Ok(self.report())
     }
 
-    /// Whether nothing is left to do until a photograph is added.
+    /// Whether no step remains until a photograph is added.
     pub fn is_settled(&self) -> bool {
         self.position.done >= self.steps()
     }
 
-    /// The maps as they are now: where the code began, and what it has moved of the averages since, interpolated.
+    /// The current maps: the start plus the interpolated change of the averages.
     pub fn maps(&self) -> Svbrdf {
+        if self.position.loss.is_nan() {
+            return self.start.clone();
+        }
         let began = averaged(&self.start);
         let mut change = self.code.maps().clone();
         let n = change.texels();
@@ -196,61 +193,65 @@ impl LatentFit {
         maps
     }
 
-    /// The maps of the code, averages of texels.
+    /// The maps of the code: averages of texels.
     pub fn averages(&self) -> &Svbrdf {
         self.code.maps()
     }
 
-    /// Steps done, and all.
+    /// Steps done, and their total.
     pub fn work(&self) -> [usize; 2] {
         [self.position.done.min(self.steps()), self.steps()]
     }
 
-    /// The photographs so far count as fitted, steps left or not: the next brings its own alone.
+    /// Drops the remaining steps of the photographs so far.
     pub fn count_as_fitted(&mut self) {
         self.position.fresh = 0;
     }
 
-    /// The fit as plain data.
-    pub fn save(&self) -> SavedFit {
-        SavedFit {
-            position: self.position,
-            start: self.start.clone(),
-            first: self.first.clone(),
-            code: self.code.save(),
-        }
+    /// The current fit; a fit in progress is saved as of its start.
+    pub fn save(&self, in_progress: bool) -> SavedLatent {
+        let settled = self.is_settled();
+        let maps = if in_progress && !settled { self.start.clone() } else { self.maps() };
+        SavedLatent { maps, fresh: if settled { 0 } else { self.position.fresh } }
     }
 
-    /// Goes on from a saved fit with its photographs. Without `same_networks` the code is found
-    /// anew from the maps.
+    /// Continues a saved fit with its photographs. Code and detail are encoded from the maps.
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
     pub fn restore(
         networks: Arc<Networks>,
-        saved: SavedFit,
+        saved: SavedLatent,
         photographs: &Photographs,
-        same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let SavedFit { mut position, start, first, code } = saved;
-        // More than anyone takes.
-        position.done = position.done.min(MAX_SAVED);
-        position.fresh = position.fresh.min(MAX_SAVED);
-        let of = |all: &[Observation]| all.first().map(|first| [first.width(), first.height()]);
-        if Some(size(&start)) != of(photographs.working().full())
-            || first.as_ref().is_some_and(|first| size(first) != size(&start))
-            || Some(size(&code.maps)) != of(&photographs.averaged())
-        {
-            return Err(Error::argument("fit", "maps of the photographs' size are expected"));
+        let (all, SavedLatent { maps, fresh }) = (photographs.full(), saved);
+        let of_maps = size(&maps);
+        let first = photographs.working().full().first();
+        if first.map(|first| [first.width(), first.height()]) != Some(of_maps) {
+            return Err(Error::argument("latent", "maps of the photographs' size are expected"));
         }
-        let code = Code::restore(&networks, code, same_networks)?;
-        let photographs = photographs.len();
-        Ok(Self { networks, options: *options, start, first, code, photographs, position })
+        let mut fit = Self::new(networks, &maps, of_maps, options)?;
+        fit.first = None;
+        for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
+            // The view at the photograph's arrival, before any correction.
+            let mut photograph = photograph.clone();
+            photograph.view = photographs.given()[i];
+            let maps = to_size(&fit.networks.photo_maps(&photograph)?, of_maps)?;
+            let part = (i as f32 + 1.0).recip();
+            fit.first = Some(match &fit.first {
+                Some(mean) => moved(mean, &maps, part),
+                None => maps,
+            });
+        }
+        (fit.photographs, fit.position.fresh) = (all.len(), fresh.min(all.len()));
+        if fresh == 0 {
+            fit.position.done = fit.steps();
+        }
+        Ok(fit)
     }
 
-    /// Steps for the photographs that the fit has not settled on: each has those that it would have had
-    /// alone.
+    /// Total steps for the photographs since the fit last converged: the sum of those that each has alone.
     fn steps(&self) -> usize {
         let LatentOptions { first_steps, steps, all_steps_to, .. } = self.options;
         let of = |count: usize| match count {
@@ -266,7 +267,7 @@ impl LatentFit {
         StepReport { loss: self.position.loss, settled: self.is_settled() }
     }
 
-    /// Brings the maps up to the code.
+    /// Updates the maps from the code.
     ///
     /// # Errors
     /// When a network is broken.
@@ -275,7 +276,7 @@ impl LatentFit {
     }
 }
 
-/// Maps moved a part of the way to others, in coordinates.
+/// Maps moved by a fraction towards others, in coordinates.
 fn moved(maps: &Svbrdf, to: &Svbrdf, part: f32) -> Svbrdf {
     let (mut maps, from) = (maps.clone(), coordinates(maps));
     let n = maps.texels();
@@ -290,13 +291,13 @@ fn size(maps: &Svbrdf) -> [usize; 2] {
     [maps.width(), maps.height()]
 }
 
-/// Averages of as many texels as the code is fitted at.
+/// Averages at the resolution of the code.
 fn averaged(maps: &Svbrdf) -> Svbrdf {
     let halvings = halvings_to(size(maps), CODE_TEXELS);
     halved(maps, halvings, Svbrdf::downsampled)
 }
 
-/// Maps at another power of two of their size.
+/// Maps at a power of two of their size.
 fn to_size(maps: &Svbrdf, [width, height]: [usize; 2]) -> Result<Svbrdf> {
     let mut maps = maps.clone();
     while maps.width() > width && maps.width().is_multiple_of(2) && maps.height().is_multiple_of(2)

@@ -2,28 +2,28 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Options of the joint solve: material classes, what all texels share, and how the prior is chosen.
+/// Options of the joint solve: material classes, shared unknowns, and the candidates for the prior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointOptions {
-    /// The prior where photographs are too few to leave one out.
+    /// The prior with too few photographs to leave one out.
     pub few: JointPrior,
-    /// The priors that predict photographs left out; the mean of those that predict well is used.
+    /// Candidate priors. The prior is the mean of those that predict photographs left out well.
     pub candidates: Vec<JointPrior>,
-    /// Texels that count as independent where something shared is weighed against its prior: errors of
-    /// the model are alike all over a sample. Tuned.
+    /// Number of texels that count as independent, because errors of the model are alike all over a sample.
+    /// It weighs shared unknowns against their priors. Tuned.
     pub independent_texels: f64,
-    /// Classes of gloss, at most.
+    /// Largest number of classes of gloss.
     pub classes: usize,
-    /// Expected root of F0 and roughness of a material: a dielectric.
+    /// Expected root of F0 and roughness of a material: those of a dielectric.
     pub gloss: [f64; 2],
-    /// Sigmas of a material's gloss round that.
+    /// Sigmas of a material's gloss round [`gloss`](Self::gloss).
     pub gloss_sigma: [f64; 2],
-    /// Sigmas of what all texels share.
+    /// Sigmas of shared unknowns.
     pub shared: SharedOptions,
 }
 
-/// Sigmas of the numbers that all texels share, as far as the photographs do not state them.
+/// Sigmas of unknowns that all texels share and the photographs do not state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SharedOptions {
@@ -33,17 +33,18 @@ pub struct SharedOptions {
     pub exponent: f64,
     /// Offset of the flash along each axis, mm.
     pub offset_mm: f64,
-    /// Two angles of each light, radians; without a board, from
-    /// [`turns_from`](Self::turns_from) photographs on. Tuned.
+    /// Two angles of each light's rotation, radians; without a board, from [`turns_from`](Self::turns_from)
+    /// photographs on. Tuned.
     pub turn: f64,
-    /// Photographs from which on lights turn: with fewer they follow noise. Tuned.
+    /// Fewest photographs with light rotation: with fewer, lights follow noise. Tuned.
     pub turns_from: usize,
     /// Ambient irradiance as a fraction of the flash's; without a board. Tuned.
     pub ambient: f64,
-    /// Logarithm of [`View::mirrored`](crate::observation::View::mirrored); with a board. Tuned.
+    /// Logarithm of [`View::mirrored`](crate::observation::View::mirrored), the factor of reflected ambient
+    /// light; with a board. Tuned.
     pub mirrored: f64,
     /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X): of all
-    /// texels, and of a class round that.
+    /// texels, and of a class round these.
     pub anisotropy: [f64; 2],
     /// Weight of a coat, round 1, and its roughness, round [`coat_roughness`](Self::coat_roughness).
     pub coat: [f64; 2],
@@ -106,10 +107,10 @@ pub struct JointPrior {
     pub specular: f64,
     /// Sigma of roughness within a class.
     pub roughness: f64,
-    /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
-    /// 15 % off, alike over a sample.
+    /// Scale of log residuals for noise and errors of the lobe: tails of highlights are 10 to 15 % off, alike
+    /// over a sample.
     pub noise: f64,
-    /// Whether the specular lobe is anisotropic, alike in each class.
+    /// Whether the specular lobe is anisotropic, alike within each class.
     pub anisotropic: bool,
     /// Whether all texels have a coat.
     pub coated: bool,

@@ -1,10 +1,9 @@
-//! The numbers of the estimator's model, nested by phase: widths, noise, what is compared.
+//! The numbers of the estimator's model, nested by phase: sigmas, noise, candidates.
 //!
-//! A comment names each number's unit and origin: *derived* follows from something else that it
-//! names, *paper* is Gao et al. 2019, *tuned* was chosen on training materials and on captures
-//! simulated from them, unless it names another set. Numbers of the numerics (damping, longest steps,
-//! samples, iterations, the schedule's steps), what is part of a trained network's input, and guards
-//! against rounding are constants beside the code they belong to.
+//! A comment states the unit and origin of each number: *derived* from another one, *paper* (Gao et al.
+//! 2019), or *tuned* on training materials and captures simulated from them, unless it names another set.
+//! Numerical settings (damping, longest steps, samples, iterations), inputs of trained networks and guards
+//! against rounding are constants beside their code.
 
 mod joint;
 mod latent;
@@ -15,13 +14,13 @@ use super::prior::Prior;
 pub use joint::{JointOptions, JointPrior, SharedOptions};
 pub use latent::LatentOptions;
 
-/// All options; the default is what ships.
+/// All options; the default is the one in use.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimateOptions {
     /// Numbers of photographs and texels.
     pub schedule: ScheduleOptions,
-    /// Sigmas of a texel round the latent maps, before the joint solve.
+    /// Sigmas of a texel round the latent maps, in the relief phase.
     pub prior: Prior,
     /// Noise of the log residuals.
     pub noise: NoiseOptions,
@@ -31,16 +30,16 @@ pub struct EstimateOptions {
     pub joint: JointOptions,
 }
 
-/// Numbers of photographs from which on phases run, and of what they see.
+/// Numbers of photographs and texels in the phases.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScheduleOptions {
-    /// Photographs from which on photographs are left out. Derived: with two, a texel's nine parameters
-    /// explain six values.
+    /// Fewest photographs for leave-one-out predictions. Derived: two photographs have six values for a
+    /// texel's nine parameters.
     pub determined_from: usize,
-    /// Photographs that a step sees, at most, except the last ones, of the maps. Tuned.
+    /// Largest number of photographs in a step, except the last steps. Tuned.
     pub photographs: usize,
-    /// Texels along the longer side that phases work at, at most. Tuned.
+    /// Largest number of texels along the longer side in phases before the last. Tuned.
     pub texels: usize,
 }
 
@@ -54,23 +53,22 @@ impl Default for ScheduleOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseOptions {
-    /// Expected scale, mean of absolute log residuals, that noise and model leave: where the
-    /// estimate of the scale begins. Positive. Tuned.
+    /// Expected scale, mean of absolute log residuals, of noise and errors of the model: the initial
+    /// estimate. Positive. Tuned.
     pub expected: f32,
-    /// Standard deviation of the logarithm of a board's squares up to which this is so. Tuned.
+    /// Standard deviation of the logarithm of a board's squares up to which `expected` holds. Tuned.
     pub squares: f32,
-    /// Power with which the expected scale grows beyond. Tuned.
+    /// Exponent of the expected scale's growth beyond `squares`. Tuned.
     pub growth: f32,
     /// Largest expected scale. Tuned.
     pub most_expected: f32,
-    /// Log residual below which the loss is quadratic, at most. Positive. Tuned.
+    /// Largest log residual with a quadratic loss. Positive. Tuned.
     pub huber: f32,
-    /// The same relative to the noise that was found. Tuned.
+    /// The same relative to the estimated noise. Tuned.
     pub huber_by_noise: f32,
-    /// Residuals of a texel that its nine parameters take up: the prior leaves about six of them to
-    /// the photographs. Tuned.
+    /// Residuals of a texel that its nine parameters absorb; the prior constrains the other three. Tuned.
     pub parameters: f64,
-    /// Residuals of a texel that the expected scale counts as at least. Tuned.
+    /// Least number of residuals of a texel that the expected scale counts as. Tuned.
     pub min_belief: f64,
 }
 
@@ -94,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_names_what_differs_only() {
+    fn a_file_needs_only_the_changed_options() {
         let text = r#"{ "joint": { "independent_texels": 20 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
         let options: EstimateOptions = serde_json::from_str(text).unwrap();
         assert_eq!(options.joint.independent_texels, 20.0);

@@ -4,7 +4,7 @@ use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::baseline::{Baseline, STEPS};
 use crate::estimate::budget::Trend;
-use crate::estimate::task::Cut;
+use crate::estimate::task::EarlyStop;
 
 /// Iterations of the baseline.
 #[derive(Default)]
@@ -26,11 +26,11 @@ impl Work for Phase {
     }
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
-        let Some(belief) = context.belief else { return Ok(Done::silent(true)) };
-        let (maps, observations) = (&mut belief.maps, context.photographs.full());
+        let Some(map_state) = context.map_state else { return Ok(Done::silent(true)) };
+        let (maps, observations) = (&mut map_state.maps, context.photographs.full());
         if self.run.is_none() {
             let baseline = Box::new(Baseline::new(maps, observations)?);
-            // Adam's loss jumps about: every fiftieth is compared.
+            // Adam's loss is noisy: the trend compares every fiftieth.
             self.run = Some((baseline, Trend::new(STEPS, 50)));
         }
         let Some((baseline, trend)) = &mut self.run else { return Ok(Done::silent(true)) };
@@ -41,7 +41,7 @@ impl Work for Phase {
         let is_flat =
             context.meter.budget.stop_when_invisible && trend.is_flat(baseline.steps(), loss);
         if is_flat && !baseline.is_done() {
-            *context.cut = Some(Cut::Invisible);
+            *context.early_stop = Some(EarlyStop::Invisible);
         }
         Ok(Done::new(is_flat || baseline.is_done(), [before, loss]))
     }

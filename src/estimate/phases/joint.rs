@@ -27,9 +27,9 @@ impl Work for Choice {
     }
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
-        let Some(belief) = context.belief else { return Ok(Done::silent(true)) };
+        let Some(map_state) = context.map_state else { return Ok(Done::silent(true)) };
         let choice = self.choice.get_or_insert_with(|| {
-            let maps = flattened(&belief.maps, 1.0);
+            let maps = flattened(&map_state.maps, 1.0);
             let board = !context.task.free_lights;
             let photographs = context.photographs.working();
             Box::new(PriorChoice::new(photographs, &maps, board, context.options))
@@ -38,7 +38,7 @@ impl Work for Choice {
         let ended = choice.is_done();
         if ended {
             self.chosen = choice.chosen();
-            belief.joint = self.chosen.unwrap_or(belief.joint);
+            map_state.joint = self.chosen.unwrap_or(map_state.joint);
         }
         let [least, _] = choice.range();
         Ok(Done::new(ended, [f64::NAN, least]))
@@ -87,11 +87,11 @@ impl Work for Joint {
     }
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
-        let Some(belief) = context.belief else { return Ok(Done::silent(true)) };
+        let Some(map_state) = context.map_state else { return Ok(Done::silent(true)) };
         let fit = self.fit.get_or_insert_with(|| {
-            let maps = flattened(&belief.maps, 1.0);
+            let maps = flattened(&map_state.maps, 1.0);
             let (photographs, board) = (context.photographs.working(), !context.task.free_lights);
-            Box::new(JointFit::new(photographs, &maps, belief.joint, board, context.options))
+            Box::new(JointFit::new(photographs, &maps, map_state.joint, board, context.options))
         });
         let before = fit.cost();
         fit.step();
@@ -101,7 +101,7 @@ impl Work for Joint {
         if done.ended {
             self.shared = Some(fit.shared(&context.options.joint.shared));
             if let Some(fit) = self.fit.take() {
-                fit.finish(context.photographs, belief);
+                fit.finish(context.photographs, map_state);
             }
         }
         Ok(done)

@@ -2,18 +2,18 @@
 
 use super::work::{Context, Done, Work};
 use crate::Result;
-use crate::estimate::belief::Belief;
 use crate::estimate::budget::{Shown, predicted_change};
 use crate::estimate::latent::LatentFit;
-use crate::estimate::task::Cut;
+use crate::estimate::map_state::MapState;
+use crate::estimate::task::EarlyStop;
 
-/// Fraction of a budget that it may take: a step of the texels gains more.
+/// Largest fraction of a budget: steps of the texels gain more.
 const FRACTION: f32 = 0.5;
 
 /// Steps of the latent code.
 #[derive(Default)]
 pub struct Phase {
-    /// The maps before the latest step.
+    /// The maps before the latest step, as 8-bit files show them.
     previous: Option<Shown>,
     fraction: f32,
 }
@@ -38,7 +38,7 @@ impl Work for Phase {
         let ended = if latent.is_settled() {
             true
         } else if context.meter.exhausted(if context.task.refine { FRACTION } else { 1.0 }) {
-            *context.cut = Some(Cut::Budget);
+            *context.early_stop = Some(EarlyStop::Budget);
             true
         } else {
             let report = latent.step(context.photographs)?;
@@ -48,7 +48,7 @@ impl Work for Phase {
                 && context.meter.budget.stop_when_invisible
                 && is_still(latent, &mut self.previous);
             if invisible {
-                *context.cut = Some(Cut::Invisible);
+                *context.early_stop = Some(EarlyStop::Invisible);
                 latent.count_as_fitted();
             }
             report.settled || invisible
@@ -57,13 +57,13 @@ impl Work for Phase {
         self.fraction = done as f32 / all.max(1) as f32;
         if ended {
             latent.refresh()?;
-            *context.belief = Some(Belief::new(latent.maps(), context.options));
+            *context.map_state = Some(MapState::new(latent.maps(), context.options));
         }
         Ok(Done::new(ended, [before, f64::from(*context.loss)]))
     }
 }
 
-/// Whether nothing visible is left to do, `previous` being the maps before the latest step.
+/// Whether the remaining steps are invisible. `previous` has the maps before the latest step.
 fn is_still(latent: &LatentFit, previous: &mut Option<Shown>) -> bool {
     let [done, steps] = latent.work();
     let now = Shown::of(latent.averages());

@@ -1,14 +1,14 @@
-//! The phases of an estimate, in their order, and what each of them reports.
+//! The phases of an estimate, their order, and their reports.
 //!
 //! | phase | photographs | changes | by |
 //! |---|---|---|---|
 //! | latent | 1 | latent code | Adam through decoder and renderer |
-//! | relief | 1 | maps, their learned slopes | steps of the texels round the latent maps, from two photographs on completed by a network |
-//! | choice | 2 | optional lobes, from three photographs on the prior of the joint solve | prediction of photographs left out |
-//! | joint | 2 | gloss of classes, what all texels share, the prior's mean | Levenberg-Marquardt, texels eliminated |
+//! | relief | 1 | maps, learned slopes | steps of the texels round the latent maps; from two photographs on, completion by a network |
+//! | choice | 2 | prior of the joint solve: optional lobes, from three photographs on sigmas and share of relief | leave-one-out prediction |
+//! | joint | 2 | gloss of classes, shared unknowns, the prior's mean | Levenberg-Marquardt, texels eliminated |
 //! | texels | 1 | maps at full size | steps of the texels round the prior's mean |
 //!
-//! The baseline (classic) is a phase of its own, without the others.
+//! The baseline (`Method::Classic`) is a single phase.
 
 mod baseline;
 mod joint;
@@ -28,7 +28,7 @@ use work::Done;
 pub(super) use work::{Context, Work};
 pub use work::{Phase, PhaseReport};
 
-/// The phases that are left, and reports of those that were begun.
+/// The remaining phases, and reports of the others.
 pub(super) struct Schedule {
     left: VecDeque<Box<dyn Work>>,
     pub reports: Vec<PhaseReport>,
@@ -56,7 +56,8 @@ fn tell(report: &PhaseReport) {
 }
 
 impl Schedule {
-    /// The phases for so many photographs; `coarse`: whether the maps have more texels than phases work with.
+    /// The phases for a number of photographs. `coarse` says that the photographs have more texels than the
+    /// phases work on.
     pub fn new(task: Task, photographs: usize, coarse: bool) -> Self {
         let mut left: VecDeque<Box<dyn Work>> = VecDeque::new();
         if task.method == Method::Classic {
@@ -78,12 +79,12 @@ impl Schedule {
         Self { left, reports: Vec::new(), begun: false, photographs, spent: 0.0, span }
     }
 
-    /// What it is at for the user.
+    /// The current phase, as reported to the user.
     pub fn phase(&self) -> Option<Phase> {
         self.left.front().map(|work| work.phase())
     }
 
-    /// One step; whether nothing is left to do.
+    /// One step; returns whether the schedule has ended.
     pub fn step(&mut self, context: &mut Context) -> Result<bool> {
         let Some(work) = self.left.front_mut() else { return Ok(true) };
         let since = Instant::now();
@@ -108,7 +109,7 @@ impl Schedule {
         Ok(self.left.is_empty())
     }
 
-    /// The fraction of the work that is done, by what phases cost.
+    /// The fraction of the work that is done, weighted by the costs of phases.
     pub fn fraction(&self) -> f32 {
         let cost = |work: &dyn Work| work.cost(self.photographs);
         let left: f32 = self.left.iter().map(|work| cost(work.as_ref())).sum();

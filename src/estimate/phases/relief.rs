@@ -1,12 +1,12 @@
-//! Learned relief: steps of the texels, completed by a network.
+//! Learned relief: steps of the texels, and completion by a network.
 
 use super::texels::Steps;
 use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::relief::FitRecord;
 
-/// Steps before the network completes the maps, and those of one photograph, which it does not complete.
-const STEPS: usize = 3;
+/// Steps before the network's completion, and steps without completion for a single photograph.
+const STEPS: usize = 4;
 const OF_ONE: usize = 8;
 
 /// Steps of the texels round the latent maps, then the network.
@@ -38,13 +38,13 @@ impl Work for Phase {
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
         if self.steps.fraction() < 1.0 {
-            let which = context.photographs.drawn(0);
+            let which = context.photographs.subset(0);
             let done = self.steps.step(&which, context)?;
             return Ok(Done { ended: done.ended && !self.completed, ..done });
         }
-        if let Some(belief) = context.belief {
-            let record = FitRecord::new(context.photographs.working(), belief, context.options)?;
-            record.complete(context.networks, &mut belief.maps)?;
+        if let Some(map_state) = context.map_state {
+            let record = FitRecord::new(context.photographs.working(), map_state, context.options)?;
+            record.complete(context.networks, &mut map_state.maps)?;
             if let Some(kept) = &mut context.record {
                 **kept = Some(record);
             }

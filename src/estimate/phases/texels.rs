@@ -4,17 +4,17 @@ use super::work::{Context, Done, Phase as Shown, Work};
 use crate::Result;
 use crate::estimate::budget::Trend;
 use crate::estimate::solver::Solver;
-use crate::estimate::task::Cut;
+use crate::estimate::task::EarlyStop;
 
-/// Last steps, at most.
+/// Largest number of last steps.
 const STEPS: usize = 8;
 
-/// So many steps of the texels.
+/// A number of steps of the texels.
 pub(super) struct Steps {
     solver: Option<Solver>,
     trend: Trend,
     steps: usize,
-    /// Whether they end where nothing visible is left to gain, whatever the budget says.
+    /// Whether they may stop early without a visible gain, whatever the budget says.
     may_end: bool,
 }
 
@@ -31,37 +31,38 @@ impl Steps {
         self.taken() as f32 / self.steps.max(1) as f32
     }
 
-    /// A step with some of the photographs.
+    /// A step with these photographs.
     pub fn step(&mut self, which: &[usize], context: &mut Context) -> Result<Done> {
-        let Context { belief: Some(belief), photographs, options, meter, .. } = context else {
+        let Context { map_state: Some(map_state), photographs, options, meter, .. } = context
+        else {
             return Ok(Done::silent(true));
         };
-        let observations = &photographs.like(&belief.maps).some(which)[..];
+        let observations = &photographs.like(&map_state.maps).some(which)[..];
         let solver = match &mut self.solver {
             Some(solver) => solver,
             None => {
-                let (maps, prior) = (&mut belief.maps, &belief.prior);
+                let (maps, prior) = (&mut map_state.maps, &map_state.prior);
                 let solver = Solver::new(maps, observations, prior, &options.noise)?;
-                self.solver.insert(solver.with_noise(belief.fixed_noise))
+                self.solver.insert(solver.with_noise(map_state.fixed_noise))
             }
         };
         let before = f64::from(*context.loss);
-        let loss = solver.step(&mut belief.maps, &belief.mean, observations)?;
+        let loss = solver.step(&mut map_state.maps, &map_state.mean, observations)?;
         let summary = solver.summary();
-        belief.found = summary.prior;
+        map_state.estimated = summary.prior;
         *context.loss = loss as f32;
         meter.count();
         let step = summary.steps;
         let invisible = meter.budget.stop_when_invisible;
         let is_flat = self.trend.is_flat(step, loss) && (self.may_end || invisible);
         if is_flat && step < self.steps && invisible {
-            *context.cut = context.cut.or(Some(Cut::Invisible));
+            *context.early_stop = context.early_stop.or(Some(EarlyStop::Invisible));
         }
         Ok(Done::new(is_flat || step >= self.steps, [before, loss]))
     }
 }
 
-/// The last steps, of every texel with all photographs.
+/// The last steps: all texels, all photographs.
 pub struct Phase {
     steps: Steps,
     begun: bool,
@@ -69,7 +70,7 @@ pub struct Phase {
 
 impl Default for Phase {
     fn default() -> Self {
-        // At full size steps are expensive, and they begin close to their end.
+        // Steps at full size are expensive and start near convergence.
         Self { steps: Steps::new(STEPS, true), begun: false }
     }
 }
@@ -93,9 +94,9 @@ impl Work for Phase {
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
         if !std::mem::replace(&mut self.begun, true)
-            && let Some(belief) = context.belief
+            && let Some(map_state) = context.map_state
         {
-            belief.refine(context.photographs);
+            map_state.refine(context.photographs);
         }
         let all: Vec<usize> = (0..context.photographs.len()).collect();
         self.steps.step(&all, context)

@@ -1,4 +1,4 @@
-//! What photographs tell of texels as they are: precisions and covariances of the quadratic model.
+//! Posterior precisions and covariances of texels at given maps (quadratic model).
 
 use super::model::Posterior;
 use super::normal_equations::{NormalEquations, PAIRS};
@@ -13,7 +13,7 @@ use crate::render::{self, BAND_ROWS, Prepared, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, bands};
 
-/// Where the posterior is looked at: maps, the prior's mean and widths, and the noise.
+/// The point of the quadratic model: maps, prior, noise.
 #[derive(Clone, Copy)]
 pub(in crate::estimate) struct At<'a> {
     pub maps: &'a Svbrdf,
@@ -22,7 +22,7 @@ pub(in crate::estimate) struct At<'a> {
     pub noise: Noise,
 }
 
-/// Covariance of each texel's coordinates given the photographs, in sigmas of the prior.
+/// Posterior covariance of each texel's coordinates, in sigmas of the prior.
 #[derive(Debug, Clone)]
 pub(in crate::estimate) struct Covariance {
     texels: usize,
@@ -31,7 +31,8 @@ pub(in crate::estimate) struct Covariance {
 }
 
 impl Covariance {
-    /// Of two parameters: 1 on the diagonal where photographs say nothing, 0 where all.
+    /// Covariance of two coordinates. On the diagonal, 1 means that photographs add nothing, 0 that they
+    /// determine the coordinate.
     pub fn plane(&self, i: usize, j: usize) -> &[f32] {
         let (i, j) = (i.min(j), i.max(j));
         let pair = i * CHANNELS - i * (i + 1) / 2 + j;
@@ -44,7 +45,7 @@ impl Covariance {
     }
 }
 
-/// The covariance.
+/// Covariances at given maps.
 ///
 /// # Panics
 /// When sizes differ.
@@ -62,10 +63,10 @@ pub(in crate::estimate) fn covariance(at: At, observations: &[Observation]) -> C
 /// Planes of [`Spread`].
 const SPREAD: usize = CHANNELS + 2;
 
-/// Marginal variances of each texel's coordinates, and the residuals that the maps leave.
+/// Marginal variances of each texel's coordinates, and residuals of the maps.
 pub(crate) struct Spread {
     texels: usize,
-    /// Variances, the sum of the weights, the loss.
+    /// Variances, sum of weights, loss.
     planes: Vec<f32>,
 }
 
@@ -75,12 +76,12 @@ impl Spread {
         self.plane(c)
     }
 
-    /// Sum over the photographs of their weights.
+    /// Sum of the photographs' weights.
     pub fn weight(&self) -> &[f32] {
         self.plane(CHANNELS)
     }
 
-    /// Weighted sum over the photographs of the absolute log residuals, mean of the colours.
+    /// Weighted sum over photographs of absolute log residuals, averaged over the colours.
     pub fn loss(&self) -> &[f32] {
         self.plane(CHANNELS + 1)
     }
@@ -90,7 +91,7 @@ impl Spread {
     }
 }
 
-/// The spread. The mean of the prior does not enter it.
+/// Marginal variances and residuals; independent of the prior's mean.
 ///
 /// # Panics
 /// When sizes differ.
@@ -120,8 +121,8 @@ fn planes<const PLANES: usize>(
     planes
 }
 
-/// Where a band's results go.
-// One a band: its size is nothing beside them.
+/// Destination of a band's results.
+// One value per band: its size does not matter.
 #[allow(clippy::large_enum_variant)]
 enum Out<'a> {
     /// The covariance.

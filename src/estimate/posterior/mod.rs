@@ -1,14 +1,13 @@
-//! The posterior of a texel: what is maximised, its quadratic model, and what photographs tell.
+//! The posterior of a texel: objective, quadratic model, covariances.
 //!
-//! Negative logarithm, apart from a constant:
+//! The negative logarithm, apart from a constant:
 //!
 //! ```text
 //! sum over photographs, colours of weight * huber(log residual) / noise
 //! + sum over coordinates of (x - m)² / (2 sigma²)
 //! ```
 //!
-//! Once poses and lights are known, texels do not depend on each other: nine unknowns against three
-//! log residuals a photograph.
+//! Given poses and lights, texels are independent: nine unknowns against three log residuals per photograph.
 
 mod information;
 mod model;

@@ -1,4 +1,4 @@
-//! What the posterior of a texel is made of.
+//! Data and prior of a texel's posterior.
 
 use crate::estimate::noise::Noise;
 use std::ops::Range;
@@ -17,7 +17,7 @@ pub(in crate::estimate) struct Posterior<'a> {
     pub noise: [Noise; 3],
     /// 1 / sigma².
     pub precision: [f32; CHANNELS],
-    /// Maps with the texels' optional lobes, which are held.
+    /// Maps with the texels' optional lobes, which are fixed.
     pub lobes: &'a Svbrdf,
 }
 
@@ -31,7 +31,7 @@ impl<'a> Posterior<'a> {
         Self { observations, noise, precision: prior.precision(), lobes }
     }
 
-    /// The material of some texels, at most eight, at coordinates `x`.
+    /// The material of at most eight texels at coordinates `x`.
     #[inline(always)]
     pub fn material<V: Lanes>(&self, x: &[V; CHANNELS], texels: &Range<usize>) -> Material<V> {
         let lobes = render::load_lobes(self.lobes, texels.start, texels.end);

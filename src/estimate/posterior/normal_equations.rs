@@ -1,4 +1,4 @@
-//! The quadratic model of eight texels' objective, and its minimum.
+//! The quadratic model of eight texels, and its minimum.
 
 use super::model::Posterior;
 use super::residual::{Appearance, Residual, Seen};
@@ -7,16 +7,16 @@ use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 use std::ops::Range;
 
-/// Pairs of parameters, each once.
+/// Entries of a triangle.
 pub(in crate::estimate) const PAIRS: usize = CHANNELS * (CHANNELS + 1) / 2;
 
-/// The parameters that colours share.
+/// Coordinates that the colours share.
 pub(in crate::estimate) const SHAPE: [usize; 3] =
     [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS];
 
-/// `H d = -g` with H the weighted sum of Jacobian products plus the prior's precision. Normal and
-/// roughness ("shape": p, q, r) are shared by the colours; diffuse and specular root ("colour":
-/// d, s) are each colour's own.
+/// `H d = -g`. `H` is the weighted sum of Jacobian products plus the prior's precision. The colours share
+/// slopes and roughness ("shape": p, q, r); each has its own roots of diffuse and specular albedo ("colour":
+/// d, s).
 pub(in crate::estimate) struct NormalEquations<V> {
     /// pp, pq, pr, qq, qr, rr.
     shape: [V; 6],
@@ -33,7 +33,7 @@ struct Colour<V> {
     gradient: [V; 2],
 }
 
-/// Half the squared distance to the prior mean in sigmas.
+/// Half the squared distance to the prior's mean, in sigmas.
 #[inline(always)]
 fn prior_cost<V: Lanes>(posterior: &Posterior, x: &[V; CHANNELS], mean: &[V; CHANNELS]) -> V {
     let mut sum = V::splat(0.0);
@@ -44,7 +44,7 @@ fn prior_cost<V: Lanes>(posterior: &Posterior, x: &[V; CHANNELS], mean: &[V; CHA
     sum
 }
 
-/// Objective and weighted log-L1 loss of each colour of coordinates `x`.
+/// Objective, and weighted log-L1 loss of each colour, at coordinates `x`.
 #[inline(always)]
 pub(in crate::estimate) fn cost<V: Lanes>(
     posterior: &Posterior,
@@ -71,7 +71,7 @@ pub(in crate::estimate) fn cost<V: Lanes>(
 }
 
 impl<V: Lanes> NormalEquations<V> {
-    /// At coordinates `x`; returns objective and loss as [`cost`] too.
+    /// The equations at coordinates `x`, and the result of [`cost`].
     #[inline(always)]
     pub fn new(
         posterior: &Posterior,
@@ -100,7 +100,7 @@ impl<V: Lanes> NormalEquations<V> {
         (equations, (cost, loss))
     }
 
-    /// Without residuals and prior.
+    /// Equations without residuals and prior.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = V::splat(0.0);
@@ -207,7 +207,7 @@ impl<V: Lanes> NormalEquations<V> {
         [inverse[0], inverse[3]]
     }
 
-    /// The whole covariance under the quadratic model: upper triangle by rows.
+    /// The covariance of the quadratic model: upper triangle by rows.
     #[inline(always)]
     pub fn covariance(&self) -> [V; PAIRS] {
         let zero = V::splat(0.0);
@@ -225,8 +225,8 @@ impl<V: Lanes> NormalEquations<V> {
         out
     }
 
-    /// Takes a colour out of the equations of the shape; returns its inverse and that times its
-    /// mixed terms.
+    /// Eliminates a colour from the shape's equations. Returns the inverse of its block, and the inverse
+    /// times its mixed terms.
     #[inline(always)]
     fn eliminate(&self, c: usize, raise: V, a: &mut [V; 6]) -> ([V; 3], [[V; 3]; 2]) {
         let zero = V::splat(0.0);
@@ -252,8 +252,8 @@ impl<V: Lanes> NormalEquations<V> {
         (inverse, [td, ts])
     }
 
-    /// The step to the minimum with the diagonal raised by the factor `1 + damping`: colours are
-    /// eliminated, the 3x3 system of the shape is solved by LDL^T, colours follow.
+    /// The step to the minimum, with the diagonal times `1 + damping`. Colours are eliminated, and LDLᵀ
+    /// solves the 3x3 system of the shape.
     #[inline(always)]
     pub fn solve(&self, damping: V) -> [V; CHANNELS] {
         let mut right = [V::splat(0.0); CHANNELS];
@@ -267,7 +267,7 @@ impl<V: Lanes> NormalEquations<V> {
         self.solved(damping + V::splat(1.0), &right)
     }
 
-    /// Solution for a right-hand side, the diagonal raised by a factor.
+    /// The solution for a right-hand side, with the diagonal times `raise`.
     #[inline(always)]
     fn solved(&self, raise: V, right: &[V; CHANNELS]) -> [V; CHANNELS] {
         let zero = V::splat(0.0);
@@ -284,7 +284,7 @@ impl<V: Lanes> NormalEquations<V> {
                 b[i] = b[i] - td[i].mul_add(colour[0], ts[i] * colour[1]);
             }
         }
-        // Pivots are positive but for rounding.
+        // Pivots are positive except for rounding.
         let floor = V::splat(1e-6);
         let d0 = a[0].max(h[0] * floor);
         let i0 = d0.reciprocal();
@@ -306,7 +306,7 @@ impl<V: Lanes> NormalEquations<V> {
         out[channel::ROUGHNESS] = r;
         for c in 0..3 {
             let colour = &self.colour[c];
-            // No closures: those that `map` takes may stay calls, outside of the kernel's features.
+            // A closure in `map` may stay a call without the kernel's target features.
             let mut rest = [right[channel::DIFFUSE + c], right[channel::SPECULAR + c]];
             for (rest, [mp, mq, mr]) in rest.iter_mut().zip(colour.mixed) {
                 *rest = *rest - mp * p - mq * q - mr * r;

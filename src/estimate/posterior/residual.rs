@@ -1,5 +1,4 @@
-//! What a photograph shows at eight texels, against what a material would show there: residuals, and
-//! derivatives of the radiance.
+//! Residuals of a photograph at eight texels, and their derivatives.
 
 use crate::estimate::noise::Noise;
 use crate::loss::{EPSILON, OffsetPair};
@@ -7,27 +6,27 @@ use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 
-/// What a photograph shows in one colour, and how sure that is.
+/// A measured radiance in one colour, its noise and weight.
 pub(in crate::estimate) struct Seen<V> {
     pub noise: Noise,
     pub radiance: V,
     pub weight: V,
 }
 
-/// A photograph's residual in one colour, and how the objective weighs it.
+/// A residual in one colour, and its terms of the objective.
 pub(in crate::estimate) struct Residual<V> {
     pub value: V,
     /// 1 / (rendered + 0.01).
     pub inverse: V,
-    /// Weight of the square in re-weighted least squares.
+    /// Weight of the squared residual in reweighted least squares.
     pub square_weight: V,
-    /// Value of the objective, and of the plain log-L1 loss.
+    /// Objective, and plain log-L1 loss.
     pub cost: V,
     pub loss: V,
 }
 
 impl<V: Lanes> Residual<V> {
-    /// Of what a material shows in a view.
+    /// The residual of a material in a view.
     #[inline(always)]
     pub fn of(
         lobes: &Lobes<V>,
@@ -48,7 +47,7 @@ impl<V: Lanes> Residual<V> {
         let &Seen { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
         let (zero, threshold) = (V::splat(0.0), V::splat(huber));
         let pair = OffsetPair::new(offset_rendered, observed);
-        // Unseen texels may hold anything.
+        // The radiance of an unseen texel is arbitrary.
         let value = weight.if_greater(zero, pair.log_residual(), zero);
         let size = value.abs();
         let scaled = weight * V::splat(scale.recip());
@@ -58,7 +57,7 @@ impl<V: Lanes> Residual<V> {
         Self {
             value,
             inverse: pair.rendered.reciprocal(),
-            // A saturated measurement that is explained says nothing about the parameters.
+            // A saturated measurement that the rendering reaches does not constrain the coordinates.
             square_weight: offset_rendered.if_greater(pair.rendered, zero, square_weight),
             cost: scaled * size.if_greater(threshold, outer, inner),
             loss: weight * size,
@@ -66,7 +65,7 @@ impl<V: Lanes> Residual<V> {
     }
 }
 
-/// A photograph at eight texels: what its colours share.
+/// Terms that the colours of a photograph share, at eight texels.
 pub(in crate::estimate) struct Appearance<V> {
     pub lobes: Lobes<V>,
     lobe_by_slopes: [V; 2],
@@ -75,7 +74,7 @@ pub(in crate::estimate) struct Appearance<V> {
     coat_by_slopes: Option<[V; 2]>,
 }
 
-/// A colour of a photograph at eight texels.
+/// Residual and derivatives in one colour, at eight texels.
 pub(in crate::estimate) struct Line<V> {
     pub residual: Residual<V>,
     /// Derivatives of ln(rendered + 0.01).
@@ -83,7 +82,7 @@ pub(in crate::estimate) struct Line<V> {
     pub colour: [V; 2],
     pub brdf: V,
     pub fresnel: V,
-    /// Times the light's power.
+    /// The irradiance, with the light's power.
     pub irradiance: V,
 }
 
@@ -97,7 +96,7 @@ impl<V: Lanes> Appearance<V> {
         let by_normal = lobes.by_normal(material, directions, zero, one);
         let irradiance_by_slopes = material.by_slopes(by_normal);
         let lobe_by_roughness = lobes.log_specular_by_roughness(material);
-        // A closure may stay a call, outside of the kernel's features.
+        // A closure may stay a call without the kernel's target features.
         #[allow(clippy::manual_map)]
         let coat_by_slopes = match lobes.coat_by_normal(material, directions) {
             Some(by_normal) => Some(material.by_slopes(by_normal)),
@@ -106,7 +105,7 @@ impl<V: Lanes> Appearance<V> {
         Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness, coat_by_slopes }
     }
 
-    /// A colour at coordinates `x`, which are those of the material.
+    /// One colour at coordinates `x`, those of the material.
     #[inline(always)]
     pub fn line(
         &self,

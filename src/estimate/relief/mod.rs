@@ -1,22 +1,19 @@
-//! The learned prior: what photographs leave open, completed by a network that has seen how fits go
-//! wrong.
+//! Learned prior: a network completes coordinates that the photographs leave undetermined.
 //!
-//! After some steps of the solver every texel has its most probable parameters and their covariance.
-//! Where that is as wide as the prior the photographs were silent, and the texel is the prior's mean.
-//! A small network looks at the maps, at the base and the mean of the prior, and at the variances, and
-//! says where the truth should lie instead: the shape of a bump of which one flank was seen, the
-//! gloss that goes with the gloss around. It was trained on fits of known materials
-//! (`training/train_completion.py`). The maps move towards its answer as far as the covariance leaves them
-//! open (a learned prior of one step, as in plug-and-play or unrolled reconstruction). It answers in units
-//! of how far the photographs found the material off its prior's mean: a mirror stays as flat as it was
-//! seen to be.
+//! The solver's steps give each texel a MAP estimate and its covariance. Coordinates whose covariance is as
+//! wide as the prior are undetermined and stay at the prior's mean. A small network gets the maps, the
+//! prior's mean and the covariances, and predicts the truth: the other flank of a bump, or gloss like that of
+//! neighbours. It was trained on fits of known materials (`training/train_completion.py`). The maps move
+//! towards the prediction in proportion to the covariance, as in one step of plug-and-play or unrolled
+//! reconstruction. The prediction is in units of the material's determined deviation from the prior's mean,
+//! so that a mirror stays flat.
 //!
-//! It works at 256 texels along the longer side at most; its answer is interpolated.
+//! The network works on at most 256 texels along the longer side; its prediction is interpolated.
 
 use std::ops::Range;
 
-use crate::estimate::belief::Belief;
 use crate::estimate::coordinates::{coordinates, from_coordinate, to_coordinate};
+use crate::estimate::map_state::MapState;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
@@ -28,70 +25,70 @@ use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
 
-/// Texels along the longer side that the network sees, at most: what it was trained on.
+/// Largest number of texels along the network's longer side, as in training.
 pub(in crate::estimate) const TEXELS: usize = 256;
-/// Bounds of a material's scales, sigmas, and its least steepness: as in training.
+/// Range of a material's scales (in sigmas), and its least steepness, as in training.
 const SCALE: [f32; 2] = [0.02, 2.0];
 const MIN_SLOPE: f32 = 0.01;
-/// Largest size of an input.
+/// Largest absolute value of an input.
 const LIMIT: f32 = 4.0;
-/// What natural coordinates other than slopes are measured from, and their scale.
+/// Offset and scale of coordinates other than slopes.
 const MIDDLE: f32 = 0.4;
 const STRETCH: f32 = 2.0;
-/// Scale of differences between estimates.
+/// Scale of differences between maps.
 const DIFFERENCE: f32 = 0.3;
-/// Parameters that are measured together: slopes, diffuse, specular albedo, roughness.
+/// Coordinates with one scale: slopes, diffuse albedo, specular albedo, roughness.
 const GROUPS: [Range<usize>; 4] = [0..2, 2..5, 5..8, 8..9];
 
-/// A fit as the network sees it, at its resolution: what it learns from.
+/// Inputs of the relief network at its resolution: its training data.
 #[derive(Debug, Clone)]
 pub struct FitRecord {
     mean: Svbrdf,
     maps: Svbrdf,
     covariance: Covariance,
-    /// Of the steps that found the maps.
+    /// The prior of the solver's steps.
     prior: Prior,
     photographs: usize,
-    /// How often maps were halved.
+    /// Halvings of the maps.
     halvings: u32,
 }
 
 impl FitRecord {
-    /// Of the belief after some steps of the solver.
+    /// Inputs after the solver's steps.
     ///
     /// # Errors
     /// When sizes differ.
     pub(crate) fn new(
         photographs: &Photographs,
-        belief: &Belief,
+        map_state: &MapState,
         options: &EstimateOptions,
     ) -> Result<Self> {
-        for maps in [&belief.mean, &belief.maps] {
+        for maps in [&map_state.mean, &map_state.maps] {
             check_observations(maps, photographs.full())?;
         }
         let halvings = photographs.halvings_to(TEXELS);
         let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
-        let (mean, maps) = (small(&belief.mean), small(&belief.maps));
-        let (prior, noise) = (belief.found, Noise::expected(&options.noise));
+        let (mean, maps) = (small(&map_state.mean), small(&map_state.maps));
+        let (prior, noise) = (map_state.estimated, Noise::expected(&options.noise));
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
         let covariance = covariance(at, &photographs.level(halvings));
         Ok(Self { mean, maps, covariance, prior, photographs: photographs.len(), halvings })
     }
 
-    /// Columns and rows.
+    /// Width and height in texels.
     pub fn size(&self) -> [usize; 2] {
         [self.maps.width(), self.maps.height()]
     }
 
-    /// All that there is to learn from: nine planes each of the maps, of the latent maps and of the mean of the
-    /// prior, which are the same (slopes, roots of albedos, roughness), 45 of the covariance in sigmas of the prior (upper
-    /// triangle by rows); then the nine sigmas.
+    /// Training data: nine planes (slopes, roots of albedos, roughness) of the maps and twice of the prior's
+    /// mean, which is that of the latent maps; 45 planes of the covariance in sigmas of the prior (upper
+    /// triangle by rows); the nine sigmas.
     pub fn planes(&self) -> Vec<f32> {
         let maps = [&self.maps, &self.mean, &self.mean].into_iter().flat_map(coordinates);
         maps.chain(self.covariance.planes().iter().copied()).chain(self.prior.sigma).collect()
     }
 
-    /// Moves maps towards what the network expects, as far as the photographs leave them open.
+    /// Moves maps towards the network's prediction, in proportion to the covariance.
     ///
     /// # Errors
     /// When the maps are not of the record's size, or the network is broken.
@@ -103,8 +100,8 @@ impl FitRecord {
         Ok(())
     }
 
-    /// How far the material is off its prior's mean where photographs tell, in sigmas: root mean
-    /// square over each group of parameters.
+    /// The material's determined deviation from the prior's mean, in sigmas: weighted root mean square over
+    /// each group of coordinates.
     fn scales(&self) -> [f32; CHANNELS] {
         let [least, greatest] = SCALE;
         let mut scales = [0.0; CHANNELS];
@@ -125,9 +122,9 @@ impl FitRecord {
         scales
     }
 
-    /// The network's input: coordinates of the maps, how far the latent maps and the prior's mean, which are the
-    /// same, are off them, variances and the covariance of slopes; logarithms of the number of photographs, of
-    /// the material's steepness, of its scales. Slopes and differences are in units of these.
+    /// The network's input: coordinates of the maps; their differences to the prior's mean, twice; variances,
+    /// and the covariance of slopes; logarithms of the number of photographs, the steepness and the scales.
+    /// Slopes are in units of the steepness, differences in units of the scales.
     fn features(&self, scales: &[f32; CHANNELS]) -> Vec<f32> {
         let [width, height] = self.size();
         let n = width * height;
@@ -155,8 +152,7 @@ impl FitRecord {
         planes
     }
 
-    /// How far the maps move: nine planes of coordinates. The network says where it expects the truth, and the
-    /// covariance how much of the way is open.
+    /// Shift of the maps, nine planes of coordinates: the covariance times the network's prediction.
     fn shift(&self, networks: &Networks) -> Result<Svbrdf> {
         let [width, height] = self.size();
         let n = width * height;
@@ -174,7 +170,7 @@ impl FitRecord {
     }
 }
 
-/// Adds to the coordinates of maps what is given at a resolution of which theirs is a multiple.
+/// Adds a coarser shift to the coordinates of maps.
 fn move_by(maps: &mut Svbrdf, shift: &Svbrdf) {
     let (width, height) = (maps.width(), maps.height());
     let factor = width / shift.width();
@@ -199,8 +195,7 @@ fn move_by(maps: &mut Svbrdf, shift: &Svbrdf) {
     maps.clamp();
 }
 
-/// The two of `few` texels between which each of `factor` times as many lies, and how far it is
-/// from the first to the second.
+/// For each of `many` texels: its two neighbours among `few`, and its fraction of the way between them.
 fn neighbours(many: usize, factor: usize, few: usize) -> Vec<([usize; 2], f32)> {
     let place = |i: usize| {
         let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (few - 1) as f32);

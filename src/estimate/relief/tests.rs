@@ -5,7 +5,7 @@ use crate::test_support::{photograph, view_from};
 
 const SIDE: usize = 64;
 
-/// A knobbly, half glossy material.
+/// A bumpy, half glossy material.
 fn truth() -> Svbrdf {
     let mut maps = Svbrdf::new(SIDE, SIDE);
     let mut random = Random::new(9);
@@ -41,27 +41,27 @@ fn photographs(truth: &Svbrdf, places: &[[f32; 2]]) -> Photographs {
     photographs
 }
 
-/// A fit from a flat guess.
-fn fitted(truth: &Svbrdf) -> (Belief, Photographs) {
+/// A fit from flat slopes.
+fn fitted(truth: &Svbrdf) -> (MapState, Photographs) {
     let photographs = photographs(truth, &[[0.0, 0.0], [60.0, 15.0], [-40.0, 50.0]]);
     let mut mean = truth.clone();
     mean.plane_mut(channel::SLOPE_X).fill(0.0);
     mean.plane_mut(channel::SLOPE_Y).fill(0.0);
-    let mut belief = Belief::new(mean, &EstimateOptions::default());
-    step(&mut belief, &photographs);
-    (belief, photographs)
+    let mut map_state = MapState::new(mean, &EstimateOptions::default());
+    step(&mut map_state, &photographs);
+    (map_state, photographs)
 }
 
-/// Eight steps of the solver, with the widths of the options.
-fn step(belief: &mut Belief, photographs: &Photographs) {
+/// Eight steps of the solver with the default prior.
+fn step(map_state: &mut MapState, photographs: &Photographs) {
     let EstimateOptions { noise, prior, .. } = EstimateOptions::default();
-    let Belief { maps, mean, .. } = belief;
+    let MapState { maps, mean, .. } = map_state;
     let summary = solve(maps, mean, &prior, photographs.full(), 8, &noise).unwrap();
-    belief.found = summary.prior;
+    map_state.estimated = summary.prior;
 }
 
-fn record(belief: &Belief, photographs: &Photographs) -> FitRecord {
-    FitRecord::new(photographs, belief, &EstimateOptions::default()).unwrap()
+fn record(map_state: &MapState, photographs: &Photographs) -> FitRecord {
+    FitRecord::new(photographs, map_state, &EstimateOptions::default()).unwrap()
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn shifts_are_interpolated_between_texel_centres() {
 }
 
 #[test]
-fn coordinates_move_and_albedos_follow_by_their_roots() {
+fn shifts_move_coordinates_and_square_into_albedos() {
     let mut maps = Svbrdf::new(8, 4);
     let shift = Svbrdf::from_planes(4, 2, vec![0.1; CHANNELS * 8]).unwrap();
     let before = maps.clone();
@@ -92,35 +92,36 @@ fn coordinates_move_and_albedos_follow_by_their_roots() {
 }
 
 #[test]
-fn features_of_a_turned_sample_are_turned() {
+fn features_rotate_with_the_sample() {
     use crate::networks::{COMPLETION_ODD, MAPS_ODD, half_turn};
     let truth = truth();
-    let belief = fitted(&truth).0;
+    let map_state = fitted(&truth).0;
     let turned = |maps: &Svbrdf| {
         let mut planes = maps.planes().to_vec();
         half_turn(&mut planes, SIDE * SIDE, &MAPS_ODD);
         Svbrdf::from_planes(SIDE, SIDE, planes).unwrap()
     };
-    let features = |belief: &Belief, truth: &Svbrdf, sign: f32| {
+    let features = |map_state: &MapState, truth: &Svbrdf, sign: f32| {
         let places = [[60.0, 15.0], [-40.0, 50.0]].map(|at: [f32; 2]| at.map(|v| sign * v));
-        let record = record(belief, &photographs(truth, &places));
+        let record = record(map_state, &photographs(truth, &places));
         record.features(&record.scales())
     };
-    let mut expected = features(&belief, &truth, 1.0);
+    let mut expected = features(&map_state, &truth, 1.0);
     half_turn(&mut expected, SIDE * SIDE, &COMPLETION_ODD);
-    let belief = Belief { mean: turned(&belief.mean), maps: turned(&belief.maps), ..belief };
-    let found = features(&belief, &turned(&truth), -1.0);
-    // single precision, through the inverses of the texels' equations
+    let map_state =
+        MapState { mean: turned(&map_state.mean), maps: turned(&map_state.maps), ..map_state };
+    let found = features(&map_state, &turned(&truth), -1.0);
+    // Single precision, through the inverses of the texels' equations.
     let off = found.iter().zip(&expected).fold(0f32, |a, (f, e)| a.max((f - e).abs()));
     assert!(off < 0.02, "{off}");
 }
 
 #[test]
-fn features_are_what_training_makes_of_a_record() {
-    let (mut belief, photographs) = fitted(&truth());
-    belief.mean.plane_mut(channel::DIFFUSE).fill(0.09);
-    let fit = record(&belief, &photographs);
-    let Belief { maps, mean, found: prior, .. } = &belief;
+fn features_match_those_of_training() {
+    let (mut map_state, photographs) = fitted(&truth());
+    map_state.mean.plane_mut(channel::DIFFUSE).fill(0.09);
+    let fit = record(&map_state, &photographs);
+    let MapState { maps, mean, estimated: prior, .. } = &map_state;
     let scales = fit.scales();
     let (n, record, features) = (SIDE * SIDE, fit.planes(), fit.features(&scales));
     assert_eq!(record.len(), (3 * CHANNELS + 45) * n + CHANNELS);
@@ -148,18 +149,18 @@ fn features_are_what_training_makes_of_a_record() {
         assert!((found - expected.clamp(-4.0, 4.0)).abs() < 1e-5, "{found} {expected}");
     }
     assert_eq!(features.len(), 43 * n);
-    // variances are between nothing known and all
+    // Variances lie between determined and undetermined.
     assert!((0..CHANNELS).all(|c| (0.0..1.001).contains(&at(&features, 27 + c))));
 }
 
 #[test]
-fn what_is_seen_stays_and_what_is_not_comes_nearer() {
+fn undetermined_slopes_move_closer_to_the_truth() {
     let networks = Networks::embedded().unwrap();
     let truth = truth();
-    let (mut belief, photographs) = fitted(&truth);
-    let fit = record(&belief, &photographs);
+    let (mut map_state, photographs) = fitted(&truth);
+    let fit = record(&map_state, &photographs);
     let shift = fit.shift(&networks).unwrap();
-    // Slopes that the photographs know well move less than those that they leave open.
+    // Determined slopes move less than undetermined ones.
     let open = fit.covariance.plane(0, 0);
     let mut texels: Vec<usize> = (0..SIDE * SIDE).collect();
     texels.sort_by(|&a, &b| open[a].total_cmp(&open[b]));
@@ -175,19 +176,19 @@ fn what_is_seen_stays_and_what_is_not_comes_nearer() {
         };
         ((of(0) + of(1)) / (SIDE * SIDE) as f32).sqrt()
     };
-    let before = error(&belief.maps);
-    fit.complete(&networks, &mut belief.maps).unwrap();
-    let after = error(&belief.maps);
+    let before = error(&map_state.maps);
+    fit.complete(&networks, &mut map_state.maps).unwrap();
+    let after = error(&map_state.maps);
     assert!(after < before, "{before} {after}");
     assert!(fit.complete(&networks, &mut Svbrdf::new(8, 8)).is_err());
 }
 
 #[test]
-fn large_maps_are_completed_at_the_network_s_resolution() {
+fn large_maps_are_completed_at_the_resolution_of_the_network() {
     let flat = Svbrdf::new(1024, 512);
     let photographs = photographs(&flat, &[[0.0; 2]]);
-    let mut belief = Belief::new(flat, &EstimateOptions::default());
-    let fit = record(&belief, &photographs);
+    let mut map_state = MapState::new(flat, &EstimateOptions::default());
+    let fit = record(&map_state, &photographs);
     assert_eq!(fit.size(), [256, 128]);
-    fit.complete(&Networks::embedded().unwrap(), &mut belief.maps).unwrap();
+    fit.complete(&Networks::embedded().unwrap(), &mut map_state.maps).unwrap();
 }

@@ -1,5 +1,5 @@
-//! The reference project's own rectified photographs, from a different renderer with the same
-//! equations: found through `SVBRDF_TEST_DATA`, skipped without it.
+//! The reference project's rectified photographs, from another renderer with the same equations.
+//! `SVBRDF_TEST_DATA` names their folder; the tests are skipped without it.
 
 use super::tests::{errors, prior_of};
 use super::*;
@@ -17,7 +17,6 @@ fn folder() -> Option<PathBuf> {
     folder
 }
 
-/// Planes R, G, B of an image, decoded.
 fn planes(path: &Path, decode: impl Fn(f32) -> f32) -> Vec<f32> {
     let image = picture(path).to_rgb32f();
     (0..3).flat_map(|c| image.pixels().map(move |p| p.0[c])).map(decode).collect()
@@ -66,7 +65,7 @@ fn photographs(folder: &Path) -> Vec<Observation> {
         .collect()
 }
 
-/// Mean squared error of unit normals, as the paper's table gives it.
+/// Mean squared error of unit normals, as in the paper's table.
 fn normal_error(a: &Svbrdf, b: &Svbrdf) -> f64 {
     let (w, mut sum) = (a.width(), 0.0);
     for i in 0..a.texels() {
@@ -76,19 +75,19 @@ fn normal_error(a: &Svbrdf, b: &Svbrdf) -> f64 {
     sum / (3 * a.texels()) as f64
 }
 
-/// The true maps rendered here are the reference's photographs.
+/// Renders the true maps and compares them with the reference's photographs.
 #[test]
 fn the_reference_photographs_are_reproduced() {
     let Some(folder) = folder() else { return };
     let (truth, photos) = (maps(&folder.join("truth")), photographs(&folder));
     let loss = render::loss(&truth, &photos);
     println!("mean log difference {loss:.5}");
-    // Photographs of 8 bits: half a level at mid gray is 0.5 % of the linear value.
+    // Photographs have 8 bits: half a level at mid grey is 0.5 % of the linear value.
     assert!(loss < 0.02, "{loss}");
 }
 
-/// From a single-image network's estimate and five photographs: closer than Adam on the maps, in
-/// every figure that counts.
+/// Five photographs, started at a single-image network's estimate: the solver predicts held-out photographs
+/// and normals better than Adam on the maps.
 #[test]
 fn the_reference_example_ends_closer_than_the_baseline() {
     let Some(folder) = folder() else { return };
@@ -119,7 +118,7 @@ fn the_reference_example_ends_closer_than_the_baseline() {
         solve(&mut maps, &start, prior, given, 20, options).unwrap();
         maps
     };
-    // A single-image estimate is far off: a wide prior.
+    // A single-image estimate has large errors and needs a wide prior.
     let by_map = show("MAP", &solved(&Prior { sigma: [0.3; CHANNELS] }));
     for prior in [Prior::default(), prior_of(&start, &truth)] {
         show("narrower", &solved(&prior));

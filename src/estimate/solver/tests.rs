@@ -9,7 +9,7 @@ pub(crate) fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
     (0..12).map(|_| r()).sum::<f32>() - 6.0
 }
 
-/// Slopes up to 0.5, all colours, metals and dielectrics, roughness 0.15 to 0.8.
+/// Random maps: slopes up to 0.3, all colours, metals and dielectrics, roughness 0.15 to 0.8.
 pub(crate) fn truth(size: usize, seed: u64) -> Svbrdf {
     let mut r = noise(seed);
     let mut maps = Svbrdf::new(size, size);
@@ -26,7 +26,7 @@ pub(crate) fn truth(size: usize, seed: u64) -> Svbrdf {
     maps
 }
 
-/// The truth moved by `sigma` in every coordinate.
+/// The truth with normal noise of `sigma` in every coordinate.
 pub(crate) fn perturbed(truth: &Svbrdf, sigma: f32, seed: u64) -> Svbrdf {
     let mut r = noise(seed);
     let mut maps = truth.clone();
@@ -40,12 +40,12 @@ pub(crate) fn perturbed(truth: &Svbrdf, sigma: f32, seed: u64) -> Svbrdf {
     maps
 }
 
-/// Photographs from over the sample, the first from the top; log-normal noise.
+/// Photographs from above the sample, the first from the top, with log-normal noise.
 pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -> Vec<Observation> {
     photographs_in(0.005, truth, count, sigma, seed)
 }
 
-/// Photographs in a room of which white reflects `ambient` of what it reflects of the flash.
+/// Photographs in a room: white reflects `ambient` as a fraction of its reflection of the flash.
 fn photographs_in(
     ambient: f32,
     truth: &Svbrdf,
@@ -79,12 +79,13 @@ fn photographs_in(
         .collect()
 }
 
-/// Mean of the noise of the colours.
+/// Mean noise of the colours.
 pub(crate) fn mean_noise(summary: &Summary) -> f32 {
     summary.noise.iter().sum::<f32>() / 3.0
 }
 
-/// A prior as wide as an estimate is off: root mean squares, at least 0.001, pooled over the three colours.
+/// A prior with the estimate's true errors as sigmas: root mean squares, at least 0.001, pooled over the
+/// three colours.
 pub(crate) fn prior_of(estimate: &Svbrdf, truth: &Svbrdf) -> Prior {
     let square = |c: usize| {
         let pairs = estimate.plane(c).iter().zip(truth.plane(c));
@@ -114,8 +115,8 @@ fn prior() -> Prior {
     Prior { sigma: [SIGMA; CHANNELS] }
 }
 
-/// Maps after so many steps from `start`, which is the prior's mean too; their summary; and the loss
-/// of the start.
+/// Maps after `steps` steps from `start`, which is also the prior's mean; their summary; and the loss of the
+/// start.
 fn run_with(
     prior: &Prior,
     start: &Svbrdf,
@@ -134,8 +135,7 @@ fn run(start: &Svbrdf, photos: &[Observation]) -> (Svbrdf, Summary, f64) {
     run_with(&prior(), start, photos, 8)
 }
 
-/// Clean photographs, five of them: the loss falls by far more than a factor of ten, and every map
-/// comes closer to the truth.
+/// Five clean photographs: the loss falls by far more than a factor of ten, and the error of every map falls.
 #[test]
 fn clean_photographs_are_explained() {
     let truth = truth(32, 1);
@@ -143,41 +143,40 @@ fn clean_photographs_are_explained() {
     let (maps, summary, before) = run(&start, &photographs(&truth, 5, 0.0, 3));
     assert!(summary.loss < 0.03 * before, "{summary:?}, {before} before");
     let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
-    // Slopes and diffuse albedo are seen best.
+    // Slopes and diffuse albedo are determined best.
     let share = [0.45, 0.3, 0.8, 0.8];
     for i in 0..4 {
         assert!(after[i] < share[i] * before[i], "{before:?} {after:?}");
     }
 }
 
-/// Mean of absolute values of the noise, whatever was expected; two photographs have next to no
-/// residuals to tell it. Of twelve, 36 residuals a texel, estimates of texels' own nine parameters
-/// take their share, which is allowed for roughly: 20 %.
+/// The mean absolute value of noise is estimated, whatever was expected. Twelve photographs have 36 residuals
+/// per texel; the texel's nine parameters absorb a share, hence 20 %. Two photographs leave next to no
+/// residuals.
 #[test]
-fn the_scale_of_noise_is_found() {
+fn the_scale_of_noise_is_estimated() {
     let truth = truth(32, 4);
     let start = perturbed(&truth, SIGMA, 5);
-    let found = |count, sigma| {
+    let estimated = |count, sigma| {
         let photographs = photographs(&truth, count, sigma, 6);
         mean_noise(&run(&start, &photographs).1)
     };
     for sigma in [0.02, 0.05] {
-        let (noise, expected) = (found(12, sigma), sigma * (2.0 / PI).sqrt());
+        let (noise, expected) = (estimated(12, sigma), sigma * (2.0 / PI).sqrt());
         assert!((noise / expected - 1.0).abs() < 0.2, "{noise}, expected {expected}");
     }
-    assert!(found(12, 0.0) < 0.004);
-    let noise = found(2, 0.01);
+    assert!(estimated(12, 0.0) < 0.004);
+    let noise = estimated(2, 0.01);
     assert!((noise / NoiseOptions::default().expected - 1.0).abs() < 0.2, "{noise}");
 }
 
-/// One percent of noise in green, eight in red and blue: told apart, and slopes nearly as good as green
-/// alone would make them, which is sqrt(3) = 1.7 times the error that one percent in each of them
-/// leaves. Weighed alike, as far as L1 does that, they leave 2.3 times as much.
+/// Noise of 1 % in green and 8 % in red and blue. Green alone would leave sqrt(3) = 1.7 times the error of
+/// slopes that 1 % in each colour leaves; equal weights, as far as L1 has them, leave 2.3 times.
 #[test]
 fn a_noisier_colour_counts_less() {
     let truth = truth(32, 4);
     let start = perturbed(&truth, SIGMA, 5);
-    let found = |sigmas: [f32; 3]| {
+    let estimated = |sigmas: [f32; 3]| {
         let mut r = noise(7);
         let photographs: Vec<_> = photographs(&truth, 12, 0.0, 6)
             .into_iter()
@@ -193,16 +192,15 @@ fn a_noisier_colour_counts_less() {
         let (maps, summary, _) = run(&start, &photographs);
         (errors(&maps, &truth)[0], summary.noise)
     };
-    let (mixed, noise) = found([0.08, 0.01, 0.08]);
-    let (even, _) = found([0.01; 3]);
+    let (mixed, noise) = estimated([0.08, 0.01, 0.08]);
+    let (even, _) = estimated([0.01; 3]);
     for c in [0, 2] {
         assert!(noise[c] > 2.5 * noise[1], "{noise:?}");
     }
     assert!(mixed < 1.9 * even, "{mixed} {even}");
 }
 
-/// Three percent of noise, from two to twenty photographs: every map ends closer than it started,
-/// and more photographs never hurt.
+/// Noise of 3 %, two to twenty photographs: every map improves, and more photographs never hurt.
 #[test]
 fn noisy_photographs_improve_every_map() {
     let truth = truth(32, 4);
@@ -218,10 +216,10 @@ fn noisy_photographs_improve_every_map() {
     }
 }
 
-/// Slopes that deviate three times as much as the prior expects are found as if it had expected
-/// that: better than without widening by a margin, and the noise is not taken for slopes.
+/// Slopes that deviate three times as much as the prior expects are estimated as if the prior expected it,
+/// and clearly better than with a fixed sigma.
 #[test]
-fn bumpier_slopes_than_expected_are_found() {
+fn bumpier_slopes_than_expected_are_estimated() {
     let truth = truth(32, 13);
     let mut start = perturbed(&truth, 0.5 * SIGMA, 14);
     let mut r = noise(15);
@@ -233,14 +231,14 @@ fn bumpier_slopes_than_expected_are_found() {
     let slopes = |prior: &Prior| errors(&run_with(prior, &start, &photos, 8).0, &truth)[0];
     let mut narrow = known;
     narrow.sigma[..2].fill(SIGMA);
-    let (found, best) = (slopes(&narrow), slopes(&known));
-    assert!(found < 1.1 * best, "{found} {best}");
-    // a prior that may not widen this far shows what widening is worth
+    let (estimated, best) = (slopes(&narrow), slopes(&known));
+    assert!(estimated < 1.1 * best, "{estimated} {best}");
+    // A narrower prior, which cannot widen this far, shows the value of widening.
     narrow.sigma[..2].fill(SIGMA / MAX_WIDENING);
-    assert!(found < 0.8 * slopes(&narrow), "{found} {}", slopes(&narrow));
+    assert!(estimated < 0.8 * slopes(&narrow), "{estimated} {}", slopes(&narrow));
 }
 
-/// One photograph cannot tell nine parameters: what it does not see must stay where it was.
+/// One photograph does not determine nine parameters: the others stay at the start.
 #[test]
 fn one_photograph_does_no_harm() {
     let truth = truth(32, 7);
@@ -249,13 +247,13 @@ fn one_photograph_does_no_harm() {
     assert!(summary.loss < 0.1 * before);
     let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
     for i in 0..4 {
-        // Random texels: errors are means of 1024, good to about 2 %.
+        // The errors are means of 1024 random texels, good to about 2 %.
         assert!(after[i] < 1.02 * before[i], "{before:?} {after:?}");
     }
 }
 
-/// The objective written down a second time, in scalars: moving any parameter of the result by
-/// 0.01 either way must not improve it.
+/// A second, scalar implementation of the objective: no parameter of the result improves it when moved by
+/// 0.01.
 #[test]
 fn no_nearby_texel_is_more_probable() {
     for ambient in [0.005, 0.2] {
@@ -324,14 +322,13 @@ fn unseen_texels_keep_the_prior_mean() {
         for i in 0..maps.texels() {
             let (a, b) = (maps.plane(c)[i], clamped.plane(c)[i]);
             assert!(a.is_finite());
-            // The least albedo kept is 0.005².
+            // The least albedo kept is 0.001².
             assert!(i >= 50 || (a - b).abs() < 3e-5, "{a} {b}");
         }
     }
 }
 
-/// Saturation marks that the truth explains must not pull: clipped photographs of the truth leave
-/// the truth as it is.
+/// Clipped photographs of the truth leave the truth as it is.
 #[test]
 fn explained_saturation_does_not_pull() {
     let truth = truth(16, 16);
@@ -342,14 +339,14 @@ fn explained_saturation_does_not_pull() {
         });
     }
     let (maps, summary, before) = run(&truth, &photos);
-    // radiances err by up to 1/1024, on average a third of that
+    // Radiances err by up to 1/1024, on average by a third of that.
     assert!(before < 4e-4 && summary.loss < 4e-4, "{summary:?}");
     let (unclipped, ..) = run(&truth, &photographs(&truth, 4, 0.0, 17));
-    let (found, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
-    // rounding moves both; the clipped have less to tell
+    let (estimated, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
+    // Rounding moves both; clipped photographs determine less.
     assert!(
-        found.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
-        "{found:?} {whole:?}"
+        estimated.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
+        "{estimated:?} {whole:?}"
     );
 }
 
@@ -372,7 +369,7 @@ fn results_repeat_for_any_number_of_threads() {
         })
     };
     let (maps, summary, losses) = run(1);
-    // The step's own sum is the loss of the maps it leaves, to single precision.
+    // The step's own sum is the loss of the resulting maps, to single precision.
     let loss = render::loss(&maps, &photos);
     assert!((summary.loss - loss).abs() < 1e-5 * loss + 1e-6, "{} {loss}", summary.loss);
     assert!(summary.steps == 3 && losses[2] == summary.loss);

@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::photograph::{
-    Conditions, Details, Measured, Photograph, Rectified, Remake, Taken, Veiled, steepest,
+    Conditions, Details, Measured, Photograph, Rectified, Taken, Veiled, Wanted, steepest,
 };
 use super::printed::{self, Printed};
 use crate::calibration::photometry::{
@@ -26,7 +26,7 @@ use crate::rectification::Part;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::session::advice;
 use crate::session::hint::Hint;
-use crate::session::reports::{BoardPose, Observed};
+use crate::session::reports::BoardPose;
 use crate::session::survey::{self, Candidate, NextView};
 use crate::{BoardDifference, Error, Rejection};
 
@@ -73,9 +73,6 @@ pub struct Board {
     pub photographs: Vec<Photograph>,
     #[serde(skip)]
     pub photometry: Option<Photometry>,
-    /// Those that could not be rectified as they should be, of which nobody has been told yet.
-    #[serde(skip)]
-    refused: Vec<(usize, Rejection)>,
 }
 
 impl Board {
@@ -168,12 +165,9 @@ impl Board {
             + details.map(Detail::bytes).sum::<u64>()
     }
 
-    /// Takes over what became of photographs that were to be rectified better.
-    pub fn adopt(&mut self, remade: Vec<Remake>) {
-        for Remake { index, rectified, refusal, .. } in remade {
-            self.photographs[index].adopt(rectified);
-            self.refused.extend(refusal.map(|rejection| (index, rejection)));
-        }
+    /// How the photographs are to be rectified.
+    pub fn wanted(&self) -> Vec<Wanted> {
+        self.photographs.iter().map(Photograph::wanted).collect()
     }
 
     /// The board with another photograph, calibrated and rectified.
@@ -185,7 +179,7 @@ impl Board {
         let prior = CameraPrior::of_photo(photo);
         same_lens(self.photographs.first().map(|p| &p.measured.prior), &prior)?;
         let target = printed.target(&self.described);
-        let mut board = Self { printed, target, refused: Vec::new(), ..self.clone() };
+        let mut board = Self { printed, target, ..self.clone() };
         let target = board.target.clone();
         let (camera, place) = board.locate(&prior, &corners).map_err(|rejection| {
             let other = |known| other_camera(&target, &known, &corners, rejection);
@@ -200,23 +194,17 @@ impl Board {
         let keep = || Arc::new(Part::new(photo, &camera, &pose, self.sample_mm, heights_mm));
         let part = self.may_move().then(keep);
         let edge_px = blur_px.hypot(rms_px).hypot(PLACED_PX) as f32;
-        let (mut photograph, restart) = board.add(measured, camera, place, part, edge_px, light);
+        let (photograph, restart) = board.add(measured, camera, place, part, edge_px, light);
         let size = [self.resolution; 2];
         let veiled = Veiled { surround: &Surround::of(photo), corner: [0; 2] };
-        let wanted = photograph.wanted;
-        let rectified = Rectified::new(wanted, photo, veiled, &camera, self.sample_mm, size)?;
-        let observation = rectified.observation().clone();
-        photograph.rectified = Some(rectified);
-        let refused = self.refused.iter();
-        let refused = refused.map(|&(index, rejection)| Hint::NotRemade { index, rejection });
-        let earlier = board.photographs.iter_mut().enumerate();
-        let remakes = earlier.filter_map(|(index, earlier)| earlier.remake(index)).collect();
+        let conditions = photograph.conditions;
+        let rectified = Rectified::new(conditions, photo, veiled, &camera, self.sample_mm, size)?;
+        // The parts are let go of once these are rectified.
+        let earlier = board.wanted();
         board.photographs.push(photograph);
         board.settle();
-        let hints = refused.collect();
         let pose = Some(BoardPose { pose, reprojection_rms_px: rms_px });
-        let observed = Observed { observation, pose, hints };
-        Ok((board, Taken { observed, remakes, restart }))
+        Ok((board, Taken { rectified, pose, earlier, restart }))
     }
 
     /// What there is to tell about a photograph that is only looked at, if its squares are known.
@@ -240,8 +228,8 @@ impl Board {
         self.elevation.sigma_mm * self.photographs.iter().map(nearer).sum::<f64>() / count
     }
 
-    /// The board as if a photograph had never come: all others are taken in again, in their order, from
-    /// what was measured in them and the parts kept.
+    /// The board as if a photograph had never come, and how the others are to be rectified: they are taken in again, in
+    /// their order, from what was measured in them and the parts kept.
     ///
     /// Where some are not kept any more, paper and height are settled and stay as they are: only the
     /// light is estimated anew. Squares are those measured when a photograph came, with its pose
@@ -249,12 +237,12 @@ impl Board {
     ///
     /// # Errors
     /// The first photograph that would have been rejected without that one, and why.
-    pub fn without(&self, index: usize) -> Result<Self, (usize, Rejection)> {
+    pub fn without(&self, index: usize) -> Result<(Self, Vec<Wanted>), (usize, Rejection)> {
         let left = || self.photographs.iter().enumerate().filter(move |(i, _)| *i != index);
         let settled = left().any(|(_, photograph)| photograph.part.is_none());
         let mut board = self.clone();
         (board.estimate, board.photometry) = (None, None);
-        (board.photographs, board.refused) = (Vec::new(), Vec::new());
+        board.photographs = Vec::new();
         if !settled {
             board.paper = PaperEstimate::default();
         }
@@ -264,23 +252,24 @@ impl Board {
         for (i, old) in left() {
             board.again(old, settled).map_err(|rejection| (i, rejection))?;
         }
-        for (new, (i, old)) in board.photographs.iter_mut().zip(left()) {
-            // Parts that the new board has let go of are those that views are made from.
-            let part = old.part.as_deref().filter(|_| !settled);
-            new.remake_now(part).map_err(|rejection| (i, rejection))?;
-        }
-        Ok(board)
+        // Views are made from parts that the new board may have let go of.
+        let wanted = board.photographs.iter().zip(left()).map(|(new, (_, old))| {
+            let part = old.part.clone().filter(|_| !settled);
+            Wanted::Board { conditions: new.conditions, part }
+        });
+        let wanted = wanted.collect();
+        Ok((board, wanted))
     }
 
-    /// Takes a photograph in again, its observation as it is for the moment.
+    /// Takes a photograph in again.
     fn again(&mut self, old: &Photograph, settled: bool) -> Result<(), Rejection> {
         let measured = old.measured.clone();
         let (camera, place) = self.locate(&measured.prior, &measured.corners)?;
         let light = self.lit(&measured.squares, &place.pose)?;
         let part = old.part.clone().filter(|_| !settled && self.may_move());
-        let edge_px = old.wanted.edge_px;
+        let edge_px = old.conditions.edge_px;
         let (photograph, _) = self.add(measured, camera, place, part, edge_px, light);
-        self.photographs.push(Photograph { rectified: old.rectified.clone(), ..photograph });
+        self.photographs.push(photograph);
         self.settle();
         Ok(())
     }
@@ -296,9 +285,8 @@ impl Board {
         Ok((calibrator, radiometry))
     }
 
-    /// Takes over what a new photograph tells of light and height. What earlier ones should be rectified with
-    /// is known then, and not done yet. The photograph itself, not rectified; and whether the sample lies
-    /// so far elsewhere that maps so far are no start any more.
+    /// Takes over what a new photograph tells of light and height, which changes the conditions of the earlier ones.
+    /// The photograph itself; and whether the sample lies so far elsewhere that maps so far are no start any more.
     fn add(
         &mut self,
         measured: Measured,
@@ -317,19 +305,18 @@ impl Board {
             _ => None,
         };
         let elevation_mm = self.elevation.mm;
-        let wanted = Conditions { camera, pose, radiometry, elevation_mm, edge_px };
+        let conditions = Conditions { camera, pose, radiometry, elevation_mm, edge_px };
         for (index, earlier) in self.photographs.iter_mut().enumerate() {
             let Some(radiometry) = calibrator.radiometry(index) else { continue };
-            let (pose, edge_px) = (earlier.pose, earlier.wanted.edge_px);
-            let latest = Conditions { pose, radiometry, edge_px, ..wanted };
+            let (pose, edge_px) = (earlier.pose, earlier.conditions.edge_px);
+            let latest = Conditions { pose, radiometry, edge_px, ..conditions };
             let kept = earlier.part.is_some();
-            earlier.wanted = earlier.wanted.improved(&latest, kept, self.sample_mm);
+            earlier.conditions = earlier.conditions.improved(&latest, kept, self.sample_mm);
         }
         self.photometry = calibrator.photometry().cloned();
         let slope = self.steepest().max(steepest(&pose, self.sample_mm));
         let change = slope * (elevation_mm - known_mm).abs() / self.texel_mm();
-        let rectified = None;
-        let photograph = Photograph { measured, pose, rms_px, part, details, wanted, rectified };
+        let photograph = Photograph { measured, pose, rms_px, part, details, conditions };
         (photograph, change > RESTART_TEXELS)
     }
 
@@ -379,7 +366,7 @@ impl Board {
         }
         for photograph in &mut self.photographs {
             // As long as the observation stays, so do its details.
-            let known = photograph.wanted;
+            let known = photograph.conditions;
             let latest = Conditions { camera, pose: photograph.pose, ..known };
             let used = if known.moves(&latest, sample_mm) { latest } else { known };
             let found =

@@ -1,6 +1,5 @@
-//! What is known from photographs and board so far, and how one photograph more or less changes it:
-//! calibration and rectification. A [`Capture`] with another photograph is a new one, which takes the
-//! place of the old as a whole.
+//! The record: what was measured in photographs and board so far, and how one photograph more or less changes
+//! it. A [`Capture`] with another photograph is a new one, which takes the place of the old as a whole.
 
 mod board;
 mod photograph;
@@ -10,36 +9,35 @@ use std::f32::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use super::reports::Observed;
 use super::settings::{RectifiedFalloff, Scene, Settings};
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Falloff, View};
 use crate::photo::Photo;
 use crate::rectification;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
-pub(super) use photograph::{Conditions, Measured, Photograph, Remake, Taken};
+pub(super) use photograph::{Conditions, Measured, Photograph, Rectified, Taken, Wanted};
 
-/// The accepted photographs and what is known from them.
+/// The accepted photographs and what is known from them. The fit has them rectified.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) enum Capture {
     Board(Box<Board>),
-    Rectified(Rectified),
+    Given(Given),
 }
 
-/// Photographs that came rectified.
+/// Where the photographs were taken from that came rectified.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Rectified {
+pub(super) struct Given {
     #[serde(skip)]
     falloff: RectifiedFalloff,
     #[serde(skip)]
     sample_mm: [f32; 2],
     #[serde(skip)]
     resolution: usize,
-    pub(super) photographs: Vec<Observation>,
+    pub(super) photographs: Vec<Placed>,
 }
 
 /// Camera and light of a photograph that comes rectified, mm.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Placed {
     pub(super) camera_mm: [f32; 3],
     pub(super) light_mm: [f32; 3],
@@ -56,7 +54,7 @@ impl Capture {
             }
             Scene::Rectified { falloff } => {
                 let photographs = Vec::new();
-                Self::Rectified(Rectified { falloff, sample_mm, resolution, photographs })
+                Self::Given(Given { falloff, sample_mm, resolution, photographs })
             }
         })
     }
@@ -75,11 +73,11 @@ impl Capture {
                 let with = board.with(photo);
                 Ok(with.map(|(board, taken)| (Self::Board(Box::new(board)), taken)))
             }
-            (Self::Rectified(rectified), Some(placed)) => {
-                let with = rectified.with(photo, placed)?;
-                Ok(with.map(|(rectified, taken)| (Self::Rectified(rectified), taken)))
+            (Self::Given(given), Some(placed)) => {
+                let with = given.with(photo, placed)?;
+                Ok(with.map(|(given, taken)| (Self::Given(given), taken)))
             }
-            (Self::Rectified(_), None) => Err(Error::argument(
+            (Self::Given(_), None) => Err(Error::argument(
                 "photo",
                 "this session expects rectified photographs with camera and light positions",
             )),
@@ -90,79 +88,92 @@ impl Capture {
         }
     }
 
-    /// As if a photograph had never come.
+    /// As if a photograph had never come, and how the others are to be rectified.
     ///
     /// # Errors
     /// The first photograph that would have been rejected without that one, and why.
-    pub(super) fn without(&self, index: usize) -> std::result::Result<Self, (usize, Rejection)> {
+    pub(super) fn without(
+        &self,
+        index: usize,
+    ) -> std::result::Result<(Self, Vec<Wanted>), (usize, Rejection)> {
         Ok(match self {
-            Self::Board(board) => Self::Board(Box::new(board.without(index)?)),
-            Self::Rectified(rectified) => Self::Rectified(rectified.without(index)),
+            Self::Board(board) => {
+                let (board, wanted) = board.without(index)?;
+                (Self::Board(Box::new(board)), wanted)
+            }
+            Self::Given(given) => {
+                let mut left = given.clone();
+                left.photographs.remove(index);
+                let wanted = left.wanted();
+                (Self::Given(left), wanted)
+            }
         })
     }
 
-    /// The rectified photographs; their texels are shared.
-    pub(super) fn observations(&self) -> Vec<Observation> {
+    /// How the photographs are to be rectified.
+    pub(super) fn wanted(&self) -> Vec<Wanted> {
         match self {
-            Self::Board(board) => {
-                let rectified = board.photographs.iter().filter_map(|p| p.rectified.as_ref());
-                rectified.map(|r| r.observation().clone()).collect()
-            }
-            Self::Rectified(rectified) => rectified.photographs.clone(),
+            Self::Board(board) => board.wanted(),
+            Self::Given(given) => given.wanted(),
         }
     }
 
     pub(super) fn board(&self) -> Option<&Board> {
         match self {
             Self::Board(board) => Some(board),
-            Self::Rectified(_) => None,
+            Self::Given(_) => None,
         }
     }
 }
 
-impl Rectified {
+impl Placed {
+    /// The name of a position that no camera or light above the sample has.
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        let is_above = |mm: [f32; 3]| mm.iter().all(|v| v.is_finite()) && mm[2] > 0.0;
+        let positions = [("camera_mm", self.camera_mm), ("light_mm", self.light_mm)];
+        positions.into_iter().find(|(_, mm)| !is_above(*mm)).map(|(name, _)| name)
+    }
+}
+
+impl Given {
     fn with(
         &self,
         photo: &Photo,
-        Placed { camera_mm, light_mm }: Placed,
+        placed: Placed,
     ) -> Result<std::result::Result<(Self, Taken), Rejection>> {
-        for (name, position) in [("camera_mm", camera_mm), ("light_mm", light_mm)] {
-            if !(position.iter().all(|v| v.is_finite()) && position[2] > 0.0) {
-                return Err(Error::argument(name, "three finite numbers with z > 0 are expected"));
-            }
+        if let Some(name) = placed.fault() {
+            return Err(Error::argument(name, "three finite numbers with z > 0 are expected"));
         }
-        let (sample_mm, falloff) = (self.sample_mm, self.falloff(camera_mm));
-        let view =
-            View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 };
-        let rectified =
-            rectification::from_rectified(photo, view, self.resolution, self.resolution);
-        Ok(rectified.map(|observation| {
-            let mut with = self.clone();
-            with.photographs.push(observation.clone());
-            let observed = Observed { observation, pose: None, hints: Vec::new() };
-            (with, Taken { observed, remakes: Vec::new(), restart: false })
+        let mut with = self.clone();
+        with.photographs.push(placed);
+        let (view, size) = (with.view(&placed), self.resolution);
+        Ok(rectification::from_rectified(photo, view, size, size).map(|observation| {
+            let rectified = Rectified { conditions: None, observation };
+            (with, Taken { rectified, pose: None, earlier: Vec::new(), restart: false })
         }))
     }
 
-    fn without(&self, index: usize) -> Self {
-        let mut left = self.clone();
-        left.photographs.remove(index);
-        if let Some(first) = left.photographs.first() {
-            let falloff = left.falloff(first.view.camera_mm);
-            left.photographs.iter_mut().for_each(|p| p.view.falloff = falloff);
-        }
-        left
+    /// These photographs, with what was saved of others of the same scene.
+    pub(super) fn resumed(self, saved: Self) -> Self {
+        Self { photographs: saved.photographs, ..self }
     }
 
-    /// Of a photograph taken from there, if it is the first.
-    fn falloff(&self, camera_mm: [f32; 3]) -> Falloff {
-        let first_mm = self.photographs.first().map_or(camera_mm, |first| first.view.camera_mm);
-        match self.falloff {
+    fn wanted(&self) -> Vec<Wanted> {
+        self.photographs.iter().map(|placed| Wanted::Given(self.view(placed))).collect()
+    }
+
+    fn view(&self, placed: &Placed) -> View {
+        let &Placed { camera_mm, light_mm } = placed;
+        let falloff = match self.falloff {
             RectifiedFalloff::Given(falloff) => falloff,
             // as bright at the sample as pi at the first camera's distance
-            RectifiedFalloff::InverseSquareAuto => Falloff::InverseSquare {
-                power_mm2: [PI * first_mm.iter().map(|v| v * v).sum::<f32>(); 3],
-            },
-        }
+            RectifiedFalloff::InverseSquareAuto => {
+                let first_mm = self.photographs.first().unwrap_or(placed).camera_mm;
+                let square = first_mm.iter().map(|v| v * v).sum::<f32>();
+                Falloff::InverseSquare { power_mm2: [PI * square; 3] }
+            }
+        };
+        let sample_mm = self.sample_mm;
+        View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 }
     }
 }

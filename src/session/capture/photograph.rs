@@ -1,4 +1,7 @@
-//! An accepted photograph of a board: the one owner of all that is known of it.
+//! An accepted photograph of a board as it was measured, and as the fit rectifies it.
+//!
+//! The record ([`Photograph`]) says how the photograph is [`Wanted`]; the fit makes it so ([`Rectified`]) and owns the
+//! result.
 
 use std::sync::Arc;
 
@@ -9,11 +12,11 @@ use crate::Rejection;
 use crate::calibration::photometry::{Radiometry, Squares};
 use crate::calibration::{CameraPrior, Corner};
 use crate::geometry::{Camera, Pose};
-use crate::observation::Observation;
+use crate::observation::{Observation, View};
 use crate::photo::{Photo, Surround};
 use crate::rectification::elevation::Detail;
 use crate::rectification::{self, Part, TopView};
-use crate::session::reports::Observed;
+use crate::session::reports::BoardPose;
 
 /// A camera estimated better moves the sample by less than this: the rectified photograph stays.
 const MOVED_PX: f64 = 0.03;
@@ -104,37 +107,41 @@ pub struct Photograph {
     /// Found in that part when needed.
     #[serde(skip)]
     pub(super) details: Option<Arc<Details>>,
-    /// What it should be rectified with.
-    pub wanted: Conditions,
-    /// `None` while the fit makes it anew.
-    pub rectified: Option<Rectified>,
+    /// What it is to be rectified with.
+    pub conditions: Conditions,
 }
 
-/// A rectified photograph and what it was made with: they change together or not at all. The fit has the
-/// observation under the photograph's index; its texels are shared.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+/// How the fit is to rectify a photograph.
+#[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // there are as many as photographs, for a moment
+pub enum Wanted {
+    /// A photograph of a board.
+    Board {
+        conditions: Conditions,
+        /// The pixels, where they are kept: without them only the light can change.
+        part: Option<Arc<Part>>,
+    },
+    /// A photograph that came rectified, with its view.
+    Given(View),
+}
+
+/// A rectified photograph and what it was made with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rectified {
-    conditions: Conditions,
-    observation: Observation,
+    /// `None` for one that came rectified.
+    pub conditions: Option<Conditions>,
+    pub observation: Observation,
 }
 
 /// A photograph taken in.
 pub struct Taken {
-    pub observed: Observed,
-    /// Earlier ones to be rectified better.
-    pub remakes: Vec<Remake>,
+    pub rectified: Rectified,
+    /// `None` for one that came rectified.
+    pub pose: Option<BoardPose>,
+    /// How the earlier ones are to be rectified now.
+    pub earlier: Vec<Wanted>,
     /// Whether these lie so far elsewhere then that maps so far are no start any more.
     pub restart: bool,
-}
-
-/// A photograph to be rectified better, and what became of that.
-pub struct Remake {
-    pub index: usize,
-    wanted: Conditions,
-    part: Option<Arc<Part>>,
-    pub rectified: Rectified,
-    /// What speaks against it: it is as it was.
-    pub refusal: Option<Rejection>,
 }
 
 fn write_part<S: Serializer>(part: &Option<Arc<Part>>, to: S) -> Result<S::Ok, S::Error> {
@@ -145,49 +152,19 @@ fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D:
     Ok(Option::deserialize(from)?.map(Arc::new))
 }
 
-impl Photograph {
-    /// The work of rectifying it as it is wanted, if it is not. Until that is handed back to
-    /// [`Photograph::adopt`], there is no rectified photograph.
-    pub(super) fn remake(&mut self, index: usize) -> Option<Remake> {
-        let rectified = self.rectified.take_if(|rectified| rectified.conditions != self.wanted)?;
-        let (wanted, part) = (self.wanted, self.part.clone());
-        Some(Remake { index, wanted, part, rectified, refusal: None })
-    }
-
-    /// The same at once and from the pixels of a part, where there is one; else by the change of the light.
-    ///
-    /// # Errors
-    /// What speaks against it.
-    pub(super) fn remake_now(&mut self, part: Option<&Part>) -> Result<(), Rejection> {
-        let Some(rectified) = &mut self.rectified else { return Ok(()) };
-        if part.is_none() {
-            let radiometry = self.wanted.radiometry;
-            self.wanted = Conditions { radiometry, ..rectified.conditions };
-        }
-        rectified.remake(&self.wanted, part, true)
-    }
-
-    /// Takes over what became of it.
-    pub(super) fn adopt(&mut self, rectified: Rectified) {
-        self.wanted = rectified.conditions;
-        self.rectified = Some(rectified);
-    }
-}
-
-impl Remake {
-    pub fn make(&mut self) {
-        // its pixels are not needed any longer
-        let part = self.part.take();
-        self.refusal = self.rectified.remake(&self.wanted, part.as_deref(), false).err();
-    }
-}
-
 /// What a veil over a photograph is made of: the surround of the whole photograph, and the first pixel of
 /// the part there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Veiled<'a> {
     pub surround: &'a Surround,
     pub corner: [u32; 2],
+}
+
+impl Photograph {
+    /// How it is to be rectified.
+    pub fn wanted(&self) -> Wanted {
+        Wanted::Board { conditions: self.conditions, part: self.part.clone() }
+    }
 }
 
 impl Rectified {
@@ -210,50 +187,62 @@ impl Rectified {
             .then(|| photo.without_veil(radiometry.veil as f32, veiled.surround, veiled.corner));
         let photo = clear.as_ref().unwrap_or(photo);
         let observation = rectification::rectify_raised(photo, camera, pose, radiometry, top)?;
-        Ok(Self { conditions, observation })
+        Ok(Self { conditions: Some(conditions), observation })
     }
 
-    pub fn observation(&self) -> &Observation {
-        &self.observation
-    }
-
-    pub fn conditions(&self) -> &Conditions {
-        &self.conditions
-    }
-
-    /// Makes it anew: from the part kept where it lies elsewhere, or where `from_pixels` asks for that; else by
-    /// the change of the light.
+    /// Rectifies the part kept of a photograph.
     ///
     /// # Errors
-    /// What speaks against it: it stays as it was.
-    fn remake(
-        &mut self,
-        wanted: &Conditions,
-        part: Option<&Part>,
-        from_pixels: bool,
-    ) -> Result<(), Rejection> {
-        let old = self.conditions;
-        if old == *wanted {
-            return Ok(());
+    /// As [`Rectified::new`].
+    pub fn of_part(
+        conditions: Conditions,
+        part: &Part,
+        sample_mm: [f32; 2],
+        size: [usize; 2],
+    ) -> Result<Self, Rejection> {
+        let veiled = Veiled { surround: &part.surround, corner: part.corner };
+        let camera = part.camera(&conditions.camera);
+        Self::new(conditions, &part.photo, veiled, &camera, sample_mm, size)
+    }
+
+    /// Rectifies it as it is wanted: from the pixels where the sample lies elsewhere, or where `from_pixels` asks
+    /// for that; else by the change of the light. Whether that changes anything.
+    ///
+    /// # Errors
+    /// The reason why it cannot be: it stays as it was.
+    pub fn remake(&mut self, wanted: &Wanted, from_pixels: bool) -> Result<bool, Rejection> {
+        let (wanted, part, made) = match (wanted, &self.conditions) {
+            (Wanted::Board { conditions, part: Some(part) }, Some(made)) => {
+                (*conditions, Some(part), *made)
+            }
+            (Wanted::Board { conditions, part: None }, Some(made)) => {
+                (Conditions { radiometry: conditions.radiometry, ..*made }, None, *made)
+            }
+            (Wanted::Given(view), _) => {
+                let old = std::mem::replace(&mut self.observation.view, *view);
+                return Ok(old != *view);
+            }
+            // A photograph of a board has conditions.
+            (Wanted::Board { .. }, None) => return Ok(false),
+        };
+        if made == wanted {
+            return Ok(false);
         }
-        let otherwise = old.radiometry.reads_otherwise(&wanted.radiometry);
+        let otherwise = made.radiometry.reads_otherwise(&wanted.radiometry);
         match part {
-            Some(part) if from_pixels || otherwise || !old.same_geometry(wanted) => {
+            Some(part) if from_pixels || otherwise || !made.same_geometry(&wanted) => {
                 let size = [self.observation.width(), self.observation.height()];
-                let (sample_mm, camera) =
-                    (self.observation.view.sample_mm, part.camera(&wanted.camera));
-                let veiled = Veiled { surround: &part.surround, corner: part.corner };
-                *self = Self::new(*wanted, &part.photo, veiled, &camera, sample_mm, size)?;
+                *self = Self::of_part(wanted, part, self.observation.view.sample_mm, size)?;
             }
             _ => {
-                let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
+                let Conditions { camera, pose, radiometry, elevation_mm, .. } = &made;
                 let (to, height_mm) = (&mut self.observation, *elevation_mm as f32);
                 let new = &wanted.radiometry;
                 rectification::update_radiometry(to, camera, pose, height_mm, radiometry, new);
-                self.conditions = *wanted;
+                self.conditions = Some(wanted);
             }
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -316,7 +305,7 @@ mod tests {
     }
 
     /// A photograph accepted with these conditions, its part kept.
-    fn accepted(conditions: Conditions) -> Photograph {
+    fn accepted(conditions: Conditions) -> (Photograph, Rectified) {
         let Conditions { camera, pose, .. } = &conditions;
         let part = Part::new(&picture(), camera, pose, SAMPLE_MM, elevation::RANGE_MM);
         let squares = Squares {
@@ -331,27 +320,25 @@ mod tests {
         };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
-        let rectified = made(conditions).unwrap();
-        let (part, pose, wanted) = (Some(Arc::new(part)), *pose, conditions);
-        let (rms_px, details, rectified) = (0.1, None, Some(rectified));
-        Photograph { measured, pose, rms_px, part, details, wanted, rectified }
+        let (part, pose, rms_px, details) = (Some(Arc::new(part)), *pose, 0.1, None);
+        let photograph = Photograph { measured, pose, rms_px, part, details, conditions };
+        (photograph, made(conditions).unwrap())
     }
 
-    /// What becomes of the wish for better conditions, if there is one: a refusal or none.
-    fn improve(photograph: &mut Photograph, latest: &Conditions) -> Option<Option<Rejection>> {
-        photograph.wanted = photograph.wanted.improved(latest, true, SAMPLE_MM);
-        let mut remake = photograph.remake(0)?;
-        remake.make();
-        photograph.adopt(remake.rectified);
-        Some(remake.refusal)
+    /// Better conditions for a photograph: whether that changes how it is rectified, or why it cannot be.
+    fn improve(
+        (photograph, rectified): &mut (Photograph, Rectified),
+        latest: &Conditions,
+    ) -> Result<bool, Rejection> {
+        photograph.conditions = photograph.conditions.improved(latest, true, SAMPLE_MM);
+        rectified.remake(&photograph.wanted(), false)
     }
 
     /// It is what the whole picture gives.
-    fn assert_rectified(photograph: &Photograph, conditions: &Conditions) {
-        let Rectified { conditions: found, observation } = photograph.rectified.as_ref().unwrap();
-        assert_eq!((found, &photograph.wanted), (conditions, conditions));
+    fn assert_rectified(rectified: &Rectified, conditions: &Conditions) {
+        assert_eq!(rectified.conditions.as_ref(), Some(conditions));
         let whole = made(*conditions);
-        assert_close(observation, &whole.unwrap().observation);
+        assert_close(&rectified.observation, &whole.unwrap().observation);
     }
 
     fn assert_close(a: &Observation, b: &Observation) {
@@ -371,36 +358,39 @@ mod tests {
     fn the_part_kept_is_rectified_like_the_whole() {
         // The first guess is a little off.
         let guess = Camera { fx: 480.0, fy: 480.0, distortion: [0.0; 5], ..camera() };
-        let mut photograph = accepted(conditions(guess, 1.0));
+        let mut both = accepted(conditions(guess, 1.0));
         let pixels = |photo: &Photo| f64::from(photo.width() * photo.height());
-        let share = pixels(&photograph.part.as_ref().unwrap().photo) / pixels(&picture());
+        let share = pixels(&both.0.part.as_ref().unwrap().photo) / pixels(&picture());
         assert!(share < 0.35, "{share}");
         let better = conditions(camera(), 1.3);
-        assert_eq!(improve(&mut photograph, &better), Some(None));
-        assert_rectified(&photograph, &better);
-        assert_eq!(improve(&mut photograph, &better), None, "nothing is left to do");
+        assert_eq!(improve(&mut both, &better), Ok(true));
+        assert_rectified(&both.1, &better);
+        assert_eq!(improve(&mut both, &better), Ok(false), "nothing is left to do");
+        // Without the part the light alone can change.
+        let elsewhere = Conditions { pose: pose(0.3, 0.1, -0.2, 300.0), ..conditions(guess, 1.5) };
+        let wanted = Wanted::Board { conditions: elsewhere, part: None };
+        assert_eq!(both.1.remake(&wanted, false), Ok(true));
+        assert_rectified(&both.1, &Conditions { radiometry: elsewhere.radiometry, ..better });
     }
 
-    /// Record and observation change together or not at all: what follows a refusal begins with what the
-    /// observation was made with.
+    /// Conditions and observation change together or not at all: the change after a refusal begins from
+    /// what the observation was made with.
     #[test]
     fn a_photograph_that_cannot_be_rectified_anew_stays_as_it_was() {
         let before = conditions(camera(), 1.0);
-        let mut photograph = accepted(before);
-        let unchanged = photograph.rectified.as_ref().unwrap().observation.clone();
+        let mut both = accepted(before);
+        let unchanged = both.1.clone();
         // From there none of the sample is in the part that is kept.
         let aside = DVec3::new(400.0, 0.0, 0.0);
         let elsewhere = Pose { translation: before.pose.translation + aside, ..before.pose };
         let refused = Conditions { pose: elsewhere, radiometry: radiometry(5.0), ..before };
-        let refusal = improve(&mut photograph, &refused);
-        assert!(matches!(refusal, Some(Some(Rejection::SampleOutside { .. }))), "{refusal:?}");
-        assert_eq!(photograph.wanted, before);
-        let rectified = photograph.rectified.as_ref().unwrap();
-        assert_eq!((rectified.conditions, &rectified.observation), (before, &unchanged));
+        let refusal = improve(&mut both, &refused);
+        assert!(matches!(refusal, Err(Rejection::SampleOutside { .. })), "{refusal:?}");
+        assert_eq!(both.1, unchanged);
         // A better light then scales what is there from what it was made with.
         let lit = conditions(camera(), 1.3);
-        assert_eq!(improve(&mut photograph, &lit), Some(None));
-        assert_rectified(&photograph, &lit);
+        assert_eq!(improve(&mut both, &lit), Ok(true));
+        assert_rectified(&both.1, &lit);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
+use crate::observation::Observation;
 pub(super) use highlights::{LostHighlights, narrowest};
 
 /// What there is to tell about the latest photograph of a board, without the maps.
@@ -22,10 +23,10 @@ pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
 /// What there is to tell about each photograph of a capture, and how the maps explain it.
 pub(super) fn of_capture(
     capture: &Capture,
+    photographs: &[Observation],
     maps: Option<&Svbrdf>,
     fits: &[PhotoFit],
 ) -> Vec<Vec<Hint>> {
-    let photographs = capture.observations();
     let mut all = match capture.board() {
         Some(board) => of_board(board),
         None => vec![Vec::new(); photographs.len()],
@@ -34,12 +35,12 @@ pub(super) fn of_capture(
     if board.is_some() {
         geometry::of_capture(capture, &mut all);
     }
-    let group = board.and_then(|_| groups::find(&photographs));
-    let lost = maps.and_then(|maps| LostHighlights::find(maps, &photographs));
+    let group = board.and_then(|_| groups::find(photographs));
+    let lost = maps.and_then(|maps| LostHighlights::find(maps, photographs));
     if let Some(&LostHighlights { share, .. }) = lost.as_ref() {
         all.iter_mut().for_each(|hints| hints.push(Hint::Saturated { share }));
     }
-    fits::tell(board, maps, &photographs, fits, group, &mut all);
+    fits::tell(board, maps, photographs, fits, group, &mut all);
     all
 }
 

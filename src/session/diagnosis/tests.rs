@@ -1,7 +1,7 @@
 //! Each fault is found in photographs of known maps, and none in good ones.
 
 use super::*;
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Falloff, View};
 use crate::render::render;
 use crate::svbrdf::channel;
 use crate::test_support::noise;

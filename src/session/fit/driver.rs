@@ -1,7 +1,7 @@
 //! The fit on a thread of its own, or in steps of the caller's, and what it is asked.
 
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use crossbeam_channel::{Receiver, Sender};
@@ -53,7 +53,7 @@ impl FitHandle {
     /// A turn of a fit that callers drive, after those of others; `None`: the fit has a thread.
     fn turn(&self, work: Work) -> Option<Turn> {
         let Engine::Caller(fit) = &self.engine else { return None };
-        let mut fit = fit.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut fit = threads::lock(fit);
         let turn = fit.as_mut().map_or(Turn::Ended, |driven| driven.0.turn(&driven.1, work));
         if turn == Turn::Ended {
             *fit = None;

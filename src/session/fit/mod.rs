@@ -7,4 +7,4 @@ mod turns;
 
 pub(super) use driver::FitHandle;
 pub(super) use group::Group;
-pub(super) use turns::{Fit, Milestone};
+pub(super) use turns::Fit;

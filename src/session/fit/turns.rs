@@ -5,19 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender, TryRecvError};
-use serde::{Deserialize, Serialize};
+use crossbeam_channel::{Receiver, TryRecvError};
 use web_time::Instant;
 
 use super::shared::Shared;
 use crate::assessment::Place;
-use crate::estimate::{Addition, Estimation, LightCorrection, Meter, SavedEstimate, first_maps};
+use crate::estimate::{Estimation, LightCorrection, Meter, first_maps};
 use crate::observation::Observation;
-use crate::session::capture::Remake;
+use crate::session::capture::{Conditions, Rectified, Wanted};
 use crate::session::reports::Progress;
 use crate::session::survey::{Candidate, NextView, Survey};
 use crate::threads::Pool;
-use crate::{Result, Svbrdf};
+use crate::{Rejection, Result, Svbrdf};
 
 /// What a caller asks of the fit, done between two steps.
 pub type Job = Box<dyn FnOnce(&mut Fit) -> Result<()> + Send>;
@@ -59,42 +58,39 @@ pub struct Fit {
     /// Time between two published sets of maps.
     interval: Duration,
     busy: bool,
-    /// Where what is in progress began; `None` where nothing is.
-    begun: Option<Milestone>,
-}
-
-/// A place that the fit can be gone on from to the same bits: where a photograph has just come, or nothing is
-/// left to do.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Milestone {
-    pub estimate: SavedEstimate,
-    pub meter: Meter,
+    /// What each photograph is rectified with; `None` for one that came rectified. The estimate has the
+    /// photographs themselves.
+    made: Vec<Option<Conditions>>,
 }
 
 impl Fit {
-    pub fn new(pool: Arc<Pool>, estimation: Estimation, meter: Meter) -> Self {
+    /// The fit of an estimate, whose photographs were rectified with these.
+    pub fn new(
+        pool: Arc<Pool>,
+        estimation: Estimation,
+        made: Vec<Option<Conditions>>,
+        meter: Meter,
+    ) -> Self {
         let shared = Arc::default();
         let (published, interval) = (Instant::now(), PUBLISH_INTERVAL);
-        let (busy, begun) = (false, None);
-        let mut fit = Self { shared, pool, estimation, meter, published, interval, busy, begun };
-        fit.begin();
-        fit
+        let busy = !estimation.is_done();
+        Self { shared, pool, estimation, meter, published, interval, busy, made }
     }
 
-    /// The latest milestone.
-    pub fn milestone(&self) -> Milestone {
-        self.begun.clone().unwrap_or_else(|| self.here())
+    /// The photographs as they are rectified.
+    pub fn observations(&self) -> Vec<Observation> {
+        (0..self.made.len()).map(|index| self.estimation.observation(index)).collect()
     }
 
-    /// The present as a milestone, which it has to be.
-    fn here(&self) -> Milestone {
-        Milestone { estimate: self.estimation.save(), meter: self.meter.clone() }
+    /// A photograph and what it is rectified with.
+    pub fn rectified(&self, index: usize) -> Rectified {
+        let observation = self.estimation.observation(index);
+        Rectified { conditions: self.made[index], observation }
     }
 
-    /// Goes on, if there is something to do.
-    fn begin(&mut self) {
-        self.busy = !self.estimation.is_done();
-        self.begun = self.busy.then(|| self.here());
+    /// Work on the latest photograph against the budget; none where it is not done.
+    pub fn meter(&self) -> Meter {
+        if self.busy { Meter::new(self.meter.budget) } else { self.meter.clone() }
     }
 
     /// Shows maps and the state of an estimate that goes on with them. `next`: what probes refer to.
@@ -112,7 +108,7 @@ impl Fit {
             state.publish(maps.map(Arc::new));
         }
         (state.light_correction, state.fitted, state.cut) =
-            (correction, photos, estimation.is_cut());
+            (correction, photos, estimation.is_stopped_early());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
             photos,
@@ -164,30 +160,27 @@ impl Fit {
         Ok(Turn::Worked)
     }
 
-    /// Adds a photograph, the first with the maps to start from, and rectifies earlier ones better: sends
-    /// what becomes of these.
+    /// Adds a photograph, the first with the maps to start from, and rectifies the earlier ones as they are wanted.
+    /// One that cannot be rectified so stays as it was.
     pub fn add(
         &mut self,
-        observation: Observation,
-        remakes: Vec<Remake>,
+        added: Rectified,
+        earlier: Vec<Wanted>,
         restart: bool,
         start: Option<&Svbrdf>,
-        reply: &Sender<Vec<Remake>>,
     ) -> Result<()> {
-        let mut all = Vec::with_capacity(remakes.len());
-        // One after the other: the old ones are let go of as they are replaced.
-        let replaced = remakes.into_iter().filter_map(|mut remake| {
-            remake.make();
-            let observation = || (remake.index, remake.rectified.observation().clone());
-            let replaced = remake.refusal.is_none().then(observation);
-            all.push(remake);
-            replaced
-        });
-        self.estimation.add(Addition { observation, replaced, restart }, start)?;
-        // The caller may no longer wait for the answer.
-        let _ = reply.send(all);
+        // One after the other: each old one is freed as it is replaced.
+        for (index, wanted) in earlier.into_iter().enumerate() {
+            let mut rectified = self.rectified(index);
+            if rectified.remake(&wanted, false) == Ok(true) {
+                self.made[index] = rectified.conditions;
+                self.estimation.replace(index, rectified.observation)?;
+            }
+        }
+        self.estimation.add(added.observation, restart, start)?;
+        self.made.push(added.conditions);
         self.meter.reset();
-        (self.busy, self.begun) = (true, Some(self.here()));
+        self.busy = true;
         let mut state = self.shared.lock();
         state.fitted += 1;
         state.cut = false;
@@ -198,23 +191,35 @@ impl Fit {
         Ok(())
     }
 
-    /// Begins anew with these photographs.
-    pub fn begin_anew(
+    /// Begins anew without a photograph, the others rectified as wanted from now on; or says which of them
+    /// cannot be, by its number so far, and has changed nothing.
+    pub fn remove(
         &mut self,
-        photographs: Vec<Observation>,
+        index: usize,
+        wanted: &[Wanted],
         next: Option<NextView>,
-    ) -> Result<()> {
-        let mut estimation = self.estimation.afresh();
-        let first = photographs.first();
-        let start = first.map(|first| first_maps(estimation.networks(), first)).transpose()?;
-        for (i, observation) in photographs.into_iter().enumerate() {
-            estimation.add(Addition::new(observation), start.as_ref().filter(|_| i == 0))?;
+    ) -> Result<std::result::Result<(), (usize, Rejection)>> {
+        let mut left = Vec::with_capacity(wanted.len());
+        for (other, wanted) in (0..self.made.len()).filter(|i| *i != index).zip(wanted) {
+            let mut rectified = self.rectified(other);
+            if let Err(rejection) = rectified.remake(wanted, true) {
+                return Ok(Err((other, rejection)));
+            }
+            left.push(rectified);
         }
-        self.estimation = estimation;
+        let mut estimation = self.estimation.afresh();
+        let first = left.first().map(|first| first_maps(estimation.networks(), &first.observation));
+        let start = first.transpose()?;
+        let mut made = Vec::with_capacity(left.len());
+        for (i, Rectified { conditions, observation }) in left.into_iter().enumerate() {
+            estimation.add(observation, false, start.as_ref().filter(|_| i == 0))?;
+            made.push(conditions);
+        }
+        (self.estimation, self.made) = (estimation, made);
         self.meter.reset();
-        self.begin();
+        self.busy = !self.estimation.is_done();
         self.show(start, LightCorrection::default(), self.estimation.loss(), next);
-        Ok(())
+        Ok(Ok(()))
     }
 
     /// By how much a photograph from each of some places would lower the expected error; probes refer to the
@@ -239,13 +244,11 @@ impl Fit {
     pub fn follow_budget(&mut self) {
         let budget = self.shared.lock().budget;
         let changed = self.meter.budget != budget;
-        let here = (changed && !self.busy && self.estimation.is_cut()).then(|| self.here());
         self.meter.budget = budget;
         if self.busy {
             return;
         }
         self.busy = changed && self.estimation.extend(&self.meter);
-        self.begun = here.filter(|_| self.busy);
         let mut state = self.shared.lock();
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
@@ -288,8 +291,8 @@ impl Fit {
             self.published = Instant::now();
         }
         if step.done {
-            (self.busy, self.begun) = (false, None);
-            state.cut = estimation.is_cut();
+            self.busy = false;
+            state.cut = estimation.is_stopped_early();
             // A photograph that was added meanwhile is still on its way.
             let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));

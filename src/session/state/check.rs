@@ -4,9 +4,11 @@ use super::format::damaged;
 use crate::Result;
 use crate::calibration::CameraEstimate;
 use crate::geometry::Camera;
-use crate::observation::{Falloff, Observation};
+use crate::observation::Falloff;
 use crate::rectification::{Part, elevation};
-use crate::session::capture::{Board, Conditions, Measured, Photograph};
+use crate::session::capture::{
+    Board, Conditions, Given, Measured, Photograph, Placed, Rectified, Wanted,
+};
 use crate::session::settings::{RectifiedFalloff, Scene};
 
 fn require(holds: bool, what: &str) -> Result<()> {
@@ -22,21 +24,33 @@ pub(super) fn scene(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Rectified photographs of the session's resolution.
-pub(super) fn observation(observation: &Observation, resolution: usize) -> Result<()> {
-    let size = [observation.width(), observation.height()];
-    require(size == [resolution; 2], "a photograph is not of the session's resolution")
+/// A rectified photograph of the kind and of the size that is wanted.
+pub(super) fn rectified(rectified: &Rectified, wanted: &Wanted, size: [usize; 2]) -> Result<()> {
+    let Rectified { conditions, observation } = rectified;
+    let found = [observation.width(), observation.height()];
+    require(found == size, "a photograph is not of the session's resolution")?;
+    let known = match wanted {
+        Wanted::Board { .. } => conditions.as_ref().is_some_and(is_conditions),
+        Wanted::Given(_) => conditions.is_none(),
+    };
+    require(known, "camera, pose or light of a rectified photograph are out of range")
+}
+
+/// Where photographs were taken from that came rectified.
+pub(super) fn given(saved: &Given) -> Result<()> {
+    let possible = |placed: &Placed| placed.fault().is_none();
+    require(saved.photographs.iter().all(possible), "a camera or light is out of range")
 }
 
 /// What was saved of a board, which is `fresh` but for that.
-pub(super) fn board(fresh: &Board, saved: &Board, resolution: usize) -> Result<()> {
+pub(super) fn board(fresh: &Board, saved: &Board) -> Result<()> {
     let (estimate, photographs) = (saved.estimate.as_deref(), &saved.photographs);
     require(estimate.is_none_or(CameraEstimate::is_plausible), "the camera is out of range")?;
     require(saved.paper.is_plausible(), "the shape of the paper is out of range")?;
     require(saved.elevation.is_plausible(), "the height of the sample is out of range")?;
     let known = fresh.camera().or(estimate.map(|e| e.camera));
     let size = known.map_or((0, 0), |c| (c.width, c.height));
-    photographs.iter().try_for_each(|p| photograph(p, size, resolution))?;
+    photographs.iter().try_for_each(|p| photograph(p, size))?;
     let estimated = fresh.camera().is_none();
     let whole = !estimated || photographs.iter().all(|p| p.part.is_some());
     let told = estimate.is_some() == (estimated && !photographs.is_empty());
@@ -44,19 +58,15 @@ pub(super) fn board(fresh: &Board, saved: &Board, resolution: usize) -> Result<(
 }
 
 /// A photograph of a board that a camera of this size took.
-fn photograph(photograph: &Photograph, size: (u32, u32), resolution: usize) -> Result<()> {
-    let Photograph { measured, pose, rms_px, part, wanted, rectified, .. } = photograph;
+fn photograph(photograph: &Photograph, size: (u32, u32)) -> Result<()> {
+    let Photograph { measured, pose, rms_px, part, conditions, .. } = photograph;
     require(is_measured(measured), "what was measured in a photograph is out of range")?;
-    let known = pose.is_plausible() && rms_px.is_finite() && is_conditions(wanted);
+    let known = pose.is_plausible() && rms_px.is_finite() && is_conditions(conditions);
     require(known, "camera, pose or light of a photograph are out of range")?;
-    let whole = &wanted.camera;
+    let whole = &conditions.camera;
     require((whole.width, whole.height) == size, "a photograph does not match the camera")?;
     let inside = part.as_ref().is_none_or(|part| is_inside(part, whole));
-    require(inside, "a region lies outside its photograph")?;
-    match rectified.as_ref().filter(|rectified| rectified.conditions() == wanted) {
-        Some(rectified) => observation(rectified.observation(), resolution),
-        None => Err(damaged("a photograph is not rectified")),
-    }
+    require(inside, "a region lies outside its photograph")
 }
 
 fn is_measured(Measured { corners, prior, squares }: &Measured) -> bool {

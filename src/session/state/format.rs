@@ -10,7 +10,8 @@ use crate::{Error, Result, StateFault};
 
 /// First bytes of a saved session.
 const MAGIC: &[u8; 8] = b"SVBRDFST";
-/// Version written; what another one writes is not read.
+/// The version that is written. It counts up with every change of what [`write()`] is given; versions that a release has
+/// written stay readable by all later ones. What a newer one has written is not read.
 const VERSION: u16 = 1;
 const HEADER: usize = 26;
 
@@ -27,11 +28,10 @@ pub(super) fn as_damage(fault: Error) -> Error {
     }
 }
 
-/// Writes two values.
-pub(super) fn write(head: &impl Serialize, body: &impl Serialize) -> Result<Vec<u8>> {
+/// Writes a value.
+pub(super) fn write(value: &impl Serialize) -> Result<Vec<u8>> {
     let fault = |fault| Error::Internal(format!("the session cannot be written: {fault}"));
-    let bytes = postcard::to_extend(head, vec![0; HEADER]).map_err(fault)?;
-    let mut bytes = postcard::to_extend(body, bytes).map_err(fault)?;
+    let mut bytes = postcard::to_extend(value, vec![0; HEADER]).map_err(fault)?;
     seal(&mut bytes, VERSION);
     Ok(bytes)
 }
@@ -61,8 +61,10 @@ pub(super) fn content(bytes: &[u8]) -> Result<&[u8]> {
         return Err(damaged("the checksum of the header does not match"));
     }
     let version = u16::from_le_bytes([header[8], header[9]]);
-    if version > VERSION {
-        return Err(Error::State(StateFault::Newer { found: version, known: VERSION }));
+    match version {
+        VERSION => {}
+        0 => return Err(damaged("there is no format version 0")),
+        found => return Err(Error::State(StateFault::Newer { found, known: VERSION })),
     }
     let length = u64::from_le_bytes(std::array::from_fn(|i| header[10 + i]));
     if (content.len() as u64) < length {
@@ -77,9 +79,13 @@ pub(super) fn content(bytes: &[u8]) -> Result<&[u8]> {
     Ok(content)
 }
 
-/// Reads the value that a content begins with; what is left of it.
-pub(super) fn read<'a, T: Deserialize<'a>>(content: &'a [u8]) -> Result<(T, &'a [u8])> {
-    postcard::take_from_bytes(content).map_err(|fault| damaged(fault.to_string()))
+/// Reads the value that is all of a content.
+pub(super) fn read<'a, T: Deserialize<'a>>(content: &'a [u8]) -> Result<T> {
+    match postcard::take_from_bytes(content) {
+        Ok((value, [])) => Ok(value),
+        Ok(_) => Err(damaged("there is more than a session")),
+        Err(fault) => Err(damaged(fault.to_string())),
+    }
 }
 
 #[cfg(test)]
@@ -88,7 +94,7 @@ mod tests {
 
     #[test]
     fn every_flipped_bit_and_every_missing_byte_is_noticed() {
-        let bytes = write(&7_u32, &"some text").unwrap();
+        let bytes = write(&(7_u32, "some text")).unwrap();
         assert!(content(&bytes).is_ok());
         for bit in 0..8 * bytes.len() {
             let mut bad = bytes.clone();
@@ -105,7 +111,7 @@ mod tests {
 
     #[test]
     fn newer_versions_are_named() {
-        let mut bytes = write(&7_u32, &"some text").unwrap();
+        let mut bytes = write(&(7_u32, "some text")).unwrap();
         seal(&mut bytes, VERSION + 1);
         let expected = StateFault::Newer { found: VERSION + 1, known: VERSION };
         assert!(matches!(content(&bytes), Err(Error::State(f)) if f == expected));

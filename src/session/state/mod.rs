@@ -1,8 +1,8 @@
 //! A session as bytes, to go on with later or elsewhere.
 //!
-//! Stored: settings and scene, what is known of the board, every photograph, the latest maps, and the estimate
-//! where the latest photograph came or, once settled, as it is. What the fit has done since is done
-//! again, to the same bits.
+//! Stored: settings and scene, the record of what was measured in the photographs, with the pixels that are kept, and
+//! the latest maps with what deviations of them refer to. Restoring rectifies the photographs again. The fit of the
+//! latest photograph, where it is in progress, is done again.
 
 mod check;
 mod format;
@@ -13,64 +13,58 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use self::format::{as_damage, damaged};
-use super::capture::{Board, Capture};
-use super::fit::{Fit, Milestone};
+use super::capture::{Board, Capture, Rectified, Wanted};
+use super::fit::Fit;
 use super::settings::{Scene, Settings};
 use super::{RestoreOptions, Session, events, memory};
-use crate::estimate::{Budget, EstimateOptions, Estimation, LightCorrection};
+use crate::Result;
+use crate::estimate::{EstimateOptions, Estimation, Meter, SavedEstimate};
 use crate::networks::Networks;
-use crate::{Result, Svbrdf};
+use crate::threads::lock;
 
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
 
-/// What has to be known before anything large is read.
+/// A session without what follows from this.
 #[derive(Serialize, Deserialize)]
-struct Head<'a> {
+struct Saved<'a> {
     settings: Cow<'a, Settings>,
     scene: Cow<'a, Scene>,
-    budget: Budget,
-    photographs: usize,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Body<'a> {
     capture: Cow<'a, Capture>,
-    milestone: Milestone,
+    /// Photographs that cannot be rectified again as they are: their pixels are not kept, or do not serve.
+    rectified: Vec<Option<Rectified>>,
+    estimate: SavedEstimate,
+    meter: Meter,
     loss_before: f32,
-    /// The latest maps, and what the fit corrected of exposure and flash with them.
-    maps: Option<Cow<'a, Svbrdf>>,
-    light_correction: LightCorrection,
 }
 
 impl Session {
-    /// The session as bytes, the fit as it was when the latest photograph came, or settled.
-    /// [`Session::restore`] does again what the fit has done since, and ends with the same bits as this
-    /// session if the budget stays the same and is none of time.
+    /// The session as bytes: settings, measurements in the photographs, and maps. [`Session::restore`] rectifies the
+    /// photographs again and continues from the maps. It repeats a fit in progress, whose maps then differ by far
+    /// less than their stated deviations.
     ///
     /// Waits for a photograph that is being added and for a step of the fit, not for the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn save(&self) -> Result<Vec<u8>> {
-        // No photograph may come between what the fit and the capture know.
-        let (_intake, capture) = self.settled()?;
+        // The photographs of the fit and of the record must be the same ones.
+        let _intake = lock(&self.intake);
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
+        let capture = self.capture();
         self.fit.ask(move |fit| {
-            let (budget, loss_before, maps, correction) = {
-                let state = fit.shared.lock();
-                let (maps, correction) = (state.maps.clone(), state.light_correction.clone());
-                (state.budget, state.progress.loss_before, maps, correction)
-            };
-            let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
-            let photographs = fit.estimation.photos();
-            let head = Head { settings, scene, budget, photographs };
-            let (capture, maps) = (Cow::Borrowed(&*capture), maps.as_deref().map(Cow::Borrowed));
-            let milestone = fit.milestone();
-            format::write(
-                &head,
-                &Body { capture, milestone, loss_before, maps, light_correction: correction },
-            )
+            let rectified = capture.wanted().into_iter().enumerate().map(|(index, wanted)| {
+                Some(fit.rectified(index)).filter(|rectified| !can_be_made(rectified, &wanted))
+            });
+            format::write(&Saved {
+                settings: Cow::Owned(settings),
+                scene: Cow::Owned(scene),
+                capture: Cow::Borrowed(&*capture),
+                rectified: rectified.collect(),
+                estimate: fit.estimation.save(),
+                meter: fit.meter(),
+                loss_before: fit.shared.lock().progress.loss_before,
+            })
         })
     }
 
@@ -78,57 +72,89 @@ impl Session {
     /// before: the maps stay, and the fit continues from them.
     ///
     /// # Errors
-    /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of a newer
+    /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of another
     /// version, [`Error::MemoryLimit`](crate::Error::MemoryLimit).
     pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
-        let (head, rest) = format::read::<Head>(format::content(saved)?)?;
-        let Head { settings, scene, budget, photographs } = head;
+        let saved = format::read::<Saved>(format::content(saved)?)?;
+        let Saved { settings, scene, capture, rectified, estimate, meter, loss_before } = saved;
         let (mut settings, scene) = (settings.into_owned(), scene.into_owned());
-        settings.check().and_then(|()| budget.check()).map_err(as_damage)?;
+        settings.check().map_err(as_damage)?;
         check::scene(&scene)?;
         settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
         settings.memory_limit_bytes = options.memory_limit_bytes;
         settings.driver = options.driver;
-        memory::check(&settings, photographs.max(1), 0)?;
-        let (body, rest) = format::read::<Body>(rest)?;
         let fresh = Capture::new(scene.clone(), &settings).map_err(as_damage)?;
-        let capture = resumed(fresh, body.capture.into_owned(), settings.resolution)?;
-        let observations = capture.observations();
-        if observations.len() != photographs || !rest.is_empty() {
-            return Err(damaged("photographs are missing, or there is more than a session"));
+        let capture = resumed(fresh, capture.into_owned())?;
+        let wanted = capture.wanted();
+        let kept = capture.board().map_or(0, Board::kept_bytes);
+        memory::check(&settings, wanted.len().max(1), kept)?;
+        if wanted.len() != rectified.len() {
+            return Err(damaged("photographs are missing"));
         }
-        let Milestone { estimate, meter } = body.milestone;
-        let correction = body.light_correction.believed().map_err(as_damage)?;
         meter.budget.check().map_err(as_damage)?;
-        if !body.loss_before.is_finite() {
+        if !loss_before.is_finite() {
             return Err(damaged("progress is not a number"));
         }
-        let (maps, options) = (body.maps.map(Cow::into_owned), EstimateOptions::default());
-        let (task, pool, shown) = (settings.task(&scene), settings.pool()?, maps.clone());
-        let estimation = pool.install(|| {
-            Estimation::restore(networks.clone(), task, options, estimate, observations, shown)
-        });
-        let estimation = estimation.map_err(as_damage)?;
-        let mut fit = Fit::new(pool.clone(), estimation, meter);
+        let (task, pool, maps) = (settings.task(&scene), settings.pool()?, estimate.maps.clone());
+        let (estimation, made) = pool.install(|| {
+            let each = wanted.iter().zip(rectified);
+            let each = each.map(|(wanted, saved)| again(wanted, saved, &settings));
+            let each = each.map(|made| made.map(|made| (made.observation, made.conditions)));
+            let (observations, made): (Vec<_>, Vec<_>) =
+                each.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+            let options = EstimateOptions::default();
+            let estimation =
+                Estimation::restore(networks.clone(), task, options, estimate, observations);
+            Ok((estimation.map_err(as_damage)?, made))
+        })?;
+        let budget = meter.budget;
+        let fit = Fit::new(pool.clone(), estimation, made, meter);
         fit.shared.lock().budget = budget;
-        fit.show(maps, correction, body.loss_before, capture.board().and_then(Board::next_view));
-        pool.install(|| fit.follow_budget());
+        let correction = fit.estimation.light_correction().clone();
+        fit.show(maps, correction, loss_before, capture.board().and_then(Board::next_view));
         let session = Self::start(scene, settings, networks, capture, pool, fit)?;
-        events::restored(photographs);
+        events::restored(session.progress().photos);
         Ok(session)
     }
 }
 
+/// Whether the pixels that are kept give the same photograph again.
+fn can_be_made(rectified: &Rectified, wanted: &Wanted) -> bool {
+    match wanted {
+        Wanted::Board { conditions, part: Some(_) } => rectified.conditions == Some(*conditions),
+        _ => false,
+    }
+}
+
+/// A photograph as it was, or rectified again.
+fn again(wanted: &Wanted, saved: Option<Rectified>, settings: &Settings) -> Result<Rectified> {
+    let Settings { sample_mm, resolution, .. } = *settings;
+    let size = [resolution; 2];
+    match (wanted, saved) {
+        (Wanted::Board { conditions, part: Some(part) }, None) => {
+            let made = Rectified::of_part(*conditions, part, sample_mm, size);
+            made.map_err(|why| damaged(format!("a photograph cannot be rectified again: {why}")))
+        }
+        (_, Some(mut saved)) => {
+            check::rectified(&saved, wanted, size)?;
+            if let Wanted::Given(view) = wanted {
+                saved.observation.view = *view;
+            }
+            Ok(saved)
+        }
+        (_, None) => Err(damaged("a photograph is missing")),
+    }
+}
+
 /// A capture without photographs, with what was saved of another of the same scene.
-fn resumed(fresh: Capture, saved: Capture, resolution: usize) -> Result<Capture> {
+fn resumed(fresh: Capture, saved: Capture) -> Result<Capture> {
     match (fresh, saved) {
-        (Capture::Rectified(mut fresh), Capture::Rectified(saved)) => {
-            saved.photographs.iter().try_for_each(|p| check::observation(p, resolution))?;
-            fresh.photographs = saved.photographs;
-            Ok(Capture::Rectified(fresh))
+        (Capture::Given(fresh), Capture::Given(saved)) => {
+            check::given(&saved)?;
+            Ok(Capture::Given(fresh.resumed(saved)))
         }
         (Capture::Board(fresh), Capture::Board(saved)) => {
-            check::board(&fresh, &saved, resolution)?;
+            check::board(&fresh, &saved)?;
             Ok(Capture::Board(Box::new(fresh.resumed(*saved))))
         }
         _ => Err(damaged("the photographs do not match the scene")),

@@ -7,8 +7,8 @@ use nalgebra::{SMatrix, SVector};
 
 type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 
-/// What is found with random equations, each for eight texels.
-struct Found {
+/// Results for random equations of eight texels.
+struct Results {
     /// Upper triangles.
     equations: [[f32; LANES]; PAIRS],
     covariance: [[f32; LANES]; PAIRS],
@@ -20,9 +20,9 @@ struct Found {
 struct Random12;
 
 impl Kernel for Random12 {
-    type Output = Found;
+    type Output = Results;
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Found {
+    fn run<V: Lanes>(self) -> Results {
         let posterior = Posterior {
             observations: &[],
             noise: [Noise { scale: 0.05, huber: 0.02 }; 3],
@@ -63,7 +63,7 @@ impl Kernel for Random12 {
         let mut upper = [V::splat(0.0); PAIRS];
         let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
         pairs.zip(&mut upper).for_each(|([i, j], out)| *out = matrix[i][j]);
-        Found {
+        Results {
             equations: upper.map(V::to_array),
             covariance: equations.covariance().map(V::to_array),
             gradient: gradient.map(V::to_array),
@@ -86,22 +86,22 @@ fn symmetric(upper: &[[f32; LANES]; PAIRS], lane: usize) -> Matrix {
 }
 
 #[test]
-fn step_and_covariance_are_those_of_the_whole_matrix() {
-    let found = dispatch(Random12);
+fn step_and_covariance_match_a_dense_inverse() {
+    let results = dispatch(Random12);
     for lane in 0..LANES {
-        let inverse = symmetric(&found.equations, lane).try_inverse().unwrap();
-        // single precision, condition of a few hundred
+        let inverse = symmetric(&results.equations, lane).try_inverse().unwrap();
+        // Single precision, condition number of a few hundred.
         let tolerance = 1e-4 * inverse.diagonal().max();
-        let covariance = symmetric(&found.covariance, lane);
+        let covariance = symmetric(&results.covariance, lane);
         assert!((covariance - inverse).amax() < tolerance, "{covariance} {inverse}");
 
         let vector = |values: &[[f32; LANES]; CHANNELS]| {
             SVector::<f64, CHANNELS>::from_fn(|i, _| f64::from(values[i][lane]))
         };
-        let (step, expected) = (vector(&found.step), -inverse * vector(&found.gradient));
+        let (step, expected) = (vector(&results.step), -inverse * vector(&results.gradient));
         assert!((step - expected).amax() < 1e-4 * expected.amax(), "{step} {expected}");
 
-        for (i, value) in found.slopes.iter().enumerate() {
+        for (i, value) in results.slopes.iter().enumerate() {
             let (value, expected) = (f64::from(value[lane]), inverse[(i, i)]);
             assert!((value - expected).abs() < 1e-4 * expected, "{value} {expected}");
         }

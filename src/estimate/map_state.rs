@@ -1,4 +1,4 @@
-//! Maps and prior between two phases.
+//! Maps and their prior, handed from phase to phase.
 
 use super::finer::Guide;
 use super::options::{EstimateOptions, JointPrior};
@@ -7,42 +7,40 @@ use super::prior::Prior;
 use crate::Svbrdf;
 use crate::observation::Observation;
 
-/// Texels to each side of the middle of the windows in which albedos and roughness go with colour, where
-/// maps are brought to full size.
+/// Radius of the guided filter's window, texels, where maps are brought to full size.
 const GUIDE_RADIUS: usize = 2;
 
-/// The maps, and the prior that the next steps of the solver hold them to.
+/// The maps, and the prior of the solver's next steps.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Belief {
-    /// The most probable maps so far, `x`.
+pub(crate) struct MapState {
+    /// The current maps, `x`.
     pub maps: Svbrdf,
     /// The prior's mean, `m`.
     pub mean: Svbrdf,
-    /// The prior's widths in the next steps.
+    /// The prior's sigmas, `Λ^-½`.
     pub prior: Prior,
-    /// The widths that the latest steps have found.
-    pub found: Prior,
-    /// Noise of the next steps where it is given, not found.
+    /// Sigmas that the latest steps estimated.
+    pub estimated: Prior,
+    /// Noise of the next steps if it is fixed, not estimated.
     pub fixed_noise: Option<f32>,
     /// The prior of the joint solve.
     pub joint: JointPrior,
 }
 
-impl Belief {
-    /// Round maps.
+impl MapState {
+    /// These maps, which are also the prior's mean.
     pub fn new(maps: Svbrdf, options: &EstimateOptions) -> Self {
         Self {
             mean: maps.clone(),
             maps,
             prior: options.prior,
-            found: options.prior,
+            estimated: options.prior,
             fixed_noise: None,
             joint: options.joint.few,
         }
     }
 
-    /// Brings maps and mean to the photographs' full resolution, for the last steps. Nothing happens where they
-    /// have it.
+    /// Brings maps and mean to the photographs' full size for the last steps, unless they have it.
     pub fn refine(&mut self, photographs: &Photographs) {
         let full = photographs.full().first().map_or(0, Observation::width);
         if self.maps.width() >= full {
