@@ -60,7 +60,7 @@ fn capture_json() {
 fn photo() {
     let tokens: [&[u8]; 3] = [&[0xFF, 0xD9], b"IDAT", b"IEND"];
     let good = mutate::each(&seeds("photo"), rounds(600), &tokens, photo::run);
-    assert!(good > 20);
+    assert!(good > 100);
 }
 
 /// Puts a seed where it belongs, if seeds are to be written.
@@ -152,6 +152,6 @@ fn session_state() {
     }
     let numbers = [f64::NAN.to_le_bytes(), 1e300_f64.to_le_bytes(), u64::MAX.to_le_bytes()];
     let tokens: Vec<&[u8]> = numbers.iter().map(<[u8; 8]>::as_slice).collect();
-    let good = mutate::each(&seeds("session_state"), rounds(1000), &tokens, session_state::run);
-    assert!(good > 100);
+    let good = mutate::each(&seeds("session_state"), rounds(300), &tokens, session_state::run);
+    assert!(good > 20);
 }
