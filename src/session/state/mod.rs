@@ -1,8 +1,7 @@
 //! A session as bytes, to go on with later or elsewhere.
 //!
-//! Stored: settings and scene, the record of what was measured in the photographs, with the pixels that are kept, and
-//! the latest maps with what deviations of them refer to. Restoring rectifies the photographs again. The fit of the
-//! latest photograph, where it is in progress, is done again.
+//! Stored: settings and scene, the measurements in the photographs with the pixels that are kept, the rectified
+//! photographs, and the latest maps with those of the latent code. A restored session repeats a fit in progress.
 
 mod check;
 mod format;
@@ -31,17 +30,17 @@ struct Saved<'a> {
     settings: Cow<'a, Settings>,
     scene: Cow<'a, Scene>,
     capture: Cow<'a, Capture>,
-    /// Photographs that cannot be rectified again as they are: their pixels are not kept, or do not serve.
-    rectified: Vec<Option<Rectified>>,
+    /// The photographs as the fit has them: rectified again from the pixels that are kept, they would differ by roundings.
+    rectified: Vec<Rectified>,
     estimate: SavedEstimate,
     meter: Meter,
     loss_before: f32,
 }
 
 impl Session {
-    /// The session as bytes: settings, measurements in the photographs, and maps. [`Session::restore`] rectifies the
-    /// photographs again and continues from the maps. It repeats a fit in progress, whose maps then differ by far
-    /// less than their stated deviations.
+    /// The session as bytes: settings, measurements in the photographs, rectified photographs, and maps.
+    /// [`Session::restore`] continues from the maps. It repeats a fit in progress, whose maps then differ by far less
+    /// than their stated deviations.
     ///
     /// Waits for a photograph that is being added and for a step of the fit, not for the fit.
     ///
@@ -53,9 +52,7 @@ impl Session {
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
         let capture = self.capture();
         self.fit.ask(move |fit| {
-            let rectified = capture.wanted().into_iter().enumerate().map(|(index, wanted)| {
-                Some(fit.rectified(index)).filter(|rectified| !can_be_made(rectified, &wanted))
-            });
+            let rectified = (0..capture.wanted().len()).map(|index| fit.rectified(index));
             format::write(&Saved {
                 settings: Cow::Owned(settings),
                 scene: Cow::Owned(scene),
@@ -98,7 +95,7 @@ impl Session {
         let (task, pool, maps) = (settings.task(&scene), settings.pool()?, estimate.maps.clone());
         let (estimation, made) = pool.install(|| {
             let each = wanted.iter().zip(rectified);
-            let each = each.map(|(wanted, saved)| again(wanted, saved, &settings));
+            let each = each.map(|(wanted, saved)| checked(wanted, saved, &settings));
             let each = each.map(|made| made.map(|made| (made.observation, made.conditions)));
             let (observations, made): (Vec<_>, Vec<_>) =
                 each.collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -118,32 +115,13 @@ impl Session {
     }
 }
 
-/// Whether the pixels that are kept give the same photograph again.
-fn can_be_made(rectified: &Rectified, wanted: &Wanted) -> bool {
-    match wanted {
-        Wanted::Board { conditions, part: Some(_) } => rectified.conditions == Some(*conditions),
-        _ => false,
+/// A rectified photograph as it was.
+fn checked(wanted: &Wanted, mut saved: Rectified, settings: &Settings) -> Result<Rectified> {
+    check::rectified(&saved, wanted, [settings.resolution; 2])?;
+    if let Wanted::Given(view) = wanted {
+        saved.observation.view = *view;
     }
-}
-
-/// A photograph as it was, or rectified again.
-fn again(wanted: &Wanted, saved: Option<Rectified>, settings: &Settings) -> Result<Rectified> {
-    let Settings { sample_mm, resolution, .. } = *settings;
-    let size = [resolution; 2];
-    match (wanted, saved) {
-        (Wanted::Board { conditions, part: Some(part) }, None) => {
-            let made = Rectified::of_part(*conditions, part, sample_mm, size);
-            made.map_err(|why| damaged(format!("a photograph cannot be rectified again: {why}")))
-        }
-        (_, Some(mut saved)) => {
-            check::rectified(&saved, wanted, size)?;
-            if let Wanted::Given(view) = wanted {
-                saved.observation.view = *view;
-            }
-            Ok(saved)
-        }
-        (_, None) => Err(damaged("a photograph is missing")),
-    }
+    Ok(saved)
 }
 
 /// A capture without photographs, with what was saved of another of the same scene.

@@ -114,7 +114,6 @@ fn values_out_of_range_are_refused() {
     damaged("exposure", &|saved| first(saved, |p| p.measured.squares.exposure = 0.0));
     damaged("pose", &|saved| first(saved, |p| p.pose.rotation.x_axis.x += 0.1));
     damaged("pose", &|saved| first(saved, |p| p.pose.rotation.x_axis.x = f64::NAN));
-    damaged("part", &|saved| first(saved, |p| p.part = None));
     damaged("photograph", &|saved| drop(saved.rectified.pop()));
     damaged("maps", &|saved| saved.estimate.maps = None);
     damaged("exposure", &|saved| saved.estimate.correction.exposure.exponent = f64::NAN);
