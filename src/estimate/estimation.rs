@@ -220,9 +220,8 @@ impl Estimation {
                 let start = start.ok_or(Error::NoMaps)?;
                 self.latent = Some(self.begin_latent(start)?);
             }
-            if let (Some(latent), Some(added)) = (&mut self.latent, self.photographs.full().last())
-            {
-                latent.add_photograph(added)?;
+            if let Some(latent) = &mut self.latent {
+                latent.add_photograph(self.photographs.full())?;
             }
         }
         (self.early_stop, self.record) = (None, None);
@@ -243,8 +242,9 @@ impl Estimation {
         let start = first_maps(&self.networks, first)?;
         if self.latent.is_some() {
             let mut latent = self.begin_latent(&start)?;
-            for photograph in self.photographs.full() {
-                latent.add_photograph(photograph)?;
+            let all = self.photographs.full();
+            for count in 1..=all.len() {
+                latent.add_photograph(&all[..count])?;
             }
             self.latent = Some(latent);
         }

@@ -52,8 +52,6 @@ pub(crate) struct LatentFit {
     options: LatentOptions,
     /// The maps that the code started from with the latest photograph, at the resolution of the phases.
     start: Svbrdf,
-    /// Mean of the photographs' own maps, until the code restarts from it.
-    first: Option<Svbrdf>,
     /// The code of averages of texels.
     code: Code,
     /// Number of photographs.
@@ -104,37 +102,39 @@ impl LatentFit {
         let start = to_size(start, [width, height])?;
         let code = Code::new(&networks, &averaged(&start))?;
         let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
-        let first = (options.all_steps_to > 1).then(|| start.clone());
-        Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
+        Ok(Self { networks, options: *options, start, code, photographs: 0, position })
     }
 
-    /// Adds a photograph: the fit restarts from its maps, with the third from the mean of the photographs'
-    /// own.
+    /// Adds the last of all photographs: the fit restarts from its maps, with the third from the mean of the
+    /// photographs' own.
     ///
     /// # Errors
     /// When a network is broken.
-    pub fn add_photograph(&mut self, observation: &Observation) -> Result<()> {
-        let photographs = self.photographs + 1;
+    pub fn add_photograph(&mut self, all: &[Observation]) -> Result<()> {
         let mut fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
-        if photographs > 1 {
+        if all.len() > 1 {
             self.refresh()?;
             self.start = self.maps();
-            if let Some(mean) = self.first.take() {
-                let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
-                let mean = moved(&mean, &maps, (photographs as f32).recip());
-                if photographs < self.options.all_steps_to {
-                    self.first = Some(mean);
-                } else {
-                    self.start = mean;
-                    // The fit has converged on none of them.
-                    fresh = photographs;
-                }
+            if all.len() == self.options.all_steps_to {
+                self.start = self.mean_of_first_maps(all)?;
+                // The fit has converged on none of them.
+                fresh = all.len();
             }
             self.code = Code::new(&self.networks, &averaged(&self.start))?;
         }
-        self.photographs = photographs;
+        self.photographs = all.len();
         self.position = LatentPosition { done: 0, fresh, loss: f64::NAN };
         Ok(())
+    }
+
+    /// Mean of the maps that the photo network makes of each photograph alone.
+    fn mean_of_first_maps(&self, all: &[Observation]) -> Result<Svbrdf> {
+        let mut mean = self.start.clone();
+        for (i, observation) in all.iter().enumerate() {
+            let maps = to_size(&self.networks.photo_maps(observation)?, size(&mean))?;
+            mean = moved(&mean, &maps, (i as f32 + 1.0).recip());
+        }
+        Ok(mean)
     }
 
     /// One step; does nothing after the last.
@@ -225,26 +225,14 @@ impl LatentFit {
         photographs: &Photographs,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let (all, SavedLatent { maps, fresh }) = (photographs.full(), saved);
+        let SavedLatent { maps, fresh } = saved;
         let of_maps = size(&maps);
         let first = photographs.working().full().first();
         if first.map(|first| [first.width(), first.height()]) != Some(of_maps) {
             return Err(Error::argument("latent", "maps of the photographs' size are expected"));
         }
         let mut fit = Self::new(networks, &maps, of_maps, options)?;
-        fit.first = None;
-        for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
-            // The view at the photograph's arrival, before any correction.
-            let mut photograph = photograph.clone();
-            photograph.view = photographs.given()[i];
-            let maps = to_size(&fit.networks.photo_maps(&photograph)?, of_maps)?;
-            let part = (i as f32 + 1.0).recip();
-            fit.first = Some(match &fit.first {
-                Some(mean) => moved(mean, &maps, part),
-                None => maps,
-            });
-        }
-        (fit.photographs, fit.position.fresh) = (all.len(), fresh.min(all.len()));
+        (fit.photographs, fit.position.fresh) = (photographs.len(), fresh.min(photographs.len()));
         if fresh == 0 {
             fit.position.done = fit.steps();
         }

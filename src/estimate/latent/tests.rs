@@ -41,7 +41,7 @@ impl Fit {
 
     fn add(&mut self, photograph: &Observation) -> Result<()> {
         self.photographs.add(photograph.clone())?;
-        self.latent.add_photograph(photograph)
+        self.latent.add_photograph(self.photographs.full())
     }
 
     fn step(&mut self) -> StepReport {
