@@ -241,8 +241,8 @@ impl svbrdf_photo_report {
 
     pub(crate) fn rejected(rejection: &Rejection, timestamp_ns: i64) -> Self {
         let (measure, measured, limit) = measured(rejection);
-        let blur_direction_deg = match *rejection {
-            Rejection::Blurred { direction_deg: Some(degrees), .. } => degrees,
+        let blur_direction_deg = match rejection {
+            Rejection::Blurred { direction_deg, .. } => direction_deg.unwrap_or(-1.0),
             _ => -1.0,
         };
         Self {

@@ -8,7 +8,7 @@ use crate::{Error, Result, Svbrdf};
 /// Expected deviations of the coordinates from the prior's mean.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
-    /// Positive standard deviations in the order of [`channel`]: slopes, square roots of albedos, roughness.
+    /// Positive standard deviations in the order of [`channel`](crate::svbrdf::channel): slopes, square roots of albedos, roughness.
     pub sigma: [f32; CHANNELS],
 }
 
