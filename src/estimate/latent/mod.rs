@@ -129,10 +129,13 @@ impl LatentFit {
 
     /// Mean of the maps that the photo network makes of each photograph alone.
     fn mean_of_first_maps(&self, all: &[Observation]) -> Result<Svbrdf> {
-        let mut mean = self.start.clone();
-        for (i, observation) in all.iter().enumerate() {
-            let maps = to_size(&self.networks.photo_maps(observation)?, size(&mean))?;
-            mean = moved(&mean, &maps, (i as f32 + 1.0).recip());
+        let of = |observation: &Observation| {
+            to_size(&self.networks.photo_maps(observation)?, size(&self.start))
+        };
+        let [first, others @ ..] = all else { return Ok(self.start.clone()) };
+        let mut mean = of(first)?;
+        for (i, other) in others.iter().enumerate() {
+            mean = moved(&mean, &of(other)?, (i as f32 + 2.0).recip());
         }
         Ok(mean)
     }
