@@ -1711,9 +1711,9 @@ svbrdf_status svbrdf_session_paper(const struct svbrdf_session *session,
 typedef struct svbrdf_buffer svbrdf_buffer;
 
 /**
- * The session as bytes: board, camera, settings, budget, measurements in the photos, and maps.
- * svbrdf_session_load_state() continues from them, also in another process or on another machine. It rectifies
- * the photos again and repeats a fit in progress, whose maps then differ by far less than their stated
+ * The session as bytes: board, camera, settings, budget, measurements in the photos, rectified photos, and maps.
+ * svbrdf_session_load_state() continues from them, also in another process or on another machine. It repeats
+ * a fit in progress, whose maps then differ by far less than their stated
  * deviations. The session itself continues unchanged. Waits for a photo that is being added and for one step of
  * the fit. A cancelled session cannot be saved: pause it instead. Free with svbrdf_buffer_destroy().
  */

@@ -41,7 +41,7 @@ def test_a_saved_session_goes_on_to_the_same_maps(described: svbrdf.Capture, pho
         # Off by a small part of what maps are known to.
         off = restored.snapshot().normal - expected.normal
         assert np.sqrt(np.mean(off**2)) < 0.01
-        restored.remove(1)
+        restored.remove_photo(1)
         assert restored.progress.photos == 1
     for damaged in [b"", b"something else", saved[: len(saved) // 2]]:
         with pytest.raises(svbrdf.StateError):
