@@ -252,5 +252,5 @@ fun ofTheLibrary() {
     val logged = lines.size
     run()
     verify(own.all { role -> roles.count { it == role } == 1 }) { "called after the end: $roles" }
-    verify(lines.size == logged) { "told after the end" }
+    verify(lines.size == logged) { "logged after the end" }
 }

@@ -230,7 +230,7 @@ fun lookedAt() {
     }
 }
 
-/** What is told about photos that are accepted. */
+/** Hints of accepted photos. */
 fun hints() {
     MaterialScanner(options).use { scanner ->
         scanner.pause()
@@ -238,8 +238,8 @@ fun hints() {
         val again = scanner.addPhoto(photo(0)) as Outcome.Accepted
         verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { "$again" }
         verify(again.advice.startsWith("photo 1 has") && again.overWhite == null) { "$again" }
-        val told = scanner.hints().single { it.code == "nothing_new" }
-        verify(told.index == 1 && told.text.startsWith("photo 1 has nearly")) { "$told" }
+        val hint = scanner.hints().single { it.code == "nothing_new" }
+        verify(hint.index == 1 && hint.text.startsWith("photo 1 has nearly")) { "$hint" }
     }
     MaterialScanner(options.copy(elevationMm = 2.5)).use { scanner ->
         scanner.pause()
@@ -250,7 +250,7 @@ fun hints() {
     // No camera given; encoded values said to be linear.
     MaterialScanner(options.copy(camera = null)).use { scanner ->
         scanner.pause()
-        verify(scanner.camera == null) { "no photo has told" }
+        verify(scanner.camera == null) { "a camera before the first photo" }
         val encoded = photo(0)
         val linear = Photo(PixelFormat.RGB8, 2016, 1512, encoded.planes, Transfer.LINEAR)
         val odd = scanner.addPhoto(linear, PhotoInfo(focal35mm = 26.6f)) as Outcome.Accepted
@@ -352,7 +352,7 @@ fun savedAndRestored() {
         verify(scanner.progress.photos == 2 && scanner.progress.fraction == 0.5f) { "${scanner.progress}" }
         scanner.announce(0)
         verify(scanner.progress.fraction == 1f) { "${scanner.progress}" }
-        verify(called.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no maps told" }
+        verify(called.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback with maps" }
     }
     throws<IOException>("") { MaterialScanner.restore(File(out, "missing")) }
     file.writeBytes(file.readBytes().copyOf(1000))

@@ -443,34 +443,34 @@ mod tests {
 
     #[test]
     fn figures_of_rejections_are_reported() {
-        let told = |rejection| {
+        let fields = |rejection| {
             let report = svbrdf_photo_report::rejected(&rejection, 7);
             assert_eq!((advice(&report), report.timestamp_ns), (rejection.to_string(), 7));
             (report.measure, report.measured, report.limit, report.blur_direction_deg)
         };
         let blurred = |direction_deg| Rejection::Blurred { blur_px: 3.5, direction_deg };
-        assert_eq!(told(blurred(Some(30.0))), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, 30.0));
-        assert_eq!(told(blurred(None)), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, -1.0));
+        assert_eq!(fields(blurred(Some(30.0))), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, 30.0));
+        assert_eq!(fields(blurred(None)), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, -1.0));
         assert_eq!(
-            told(Rejection::TooGrazing { degrees: 71.0, limit: 65.0 }),
+            fields(Rejection::TooGrazing { degrees: 71.0, limit: 65.0 }),
             (SVBRDF_MEASURE_TILT_DEG, 71.0, 65.0, -1.0)
         );
         let corners = Rejection::TooFewCorners { found: 31, expected: 72, needed: 40 };
-        assert_eq!(told(corners), (SVBRDF_MEASURE_CORNERS, 31.0, 40.0, -1.0));
+        assert_eq!(fields(corners), (SVBRDF_MEASURE_CORNERS, 31.0, 40.0, -1.0));
         assert_eq!(
-            told(Rejection::SampleOutside { share: 0.5 }),
+            fields(Rejection::SampleOutside { share: 0.5 }),
             (SVBRDF_MEASURE_SAMPLE_SHARE, 0.5, 0.0, -1.0)
         );
-        assert_eq!(told(Rejection::BoardNotFound), (SVBRDF_MEASURE_NONE, 0.0, 0.0, -1.0));
+        assert_eq!(fields(Rejection::BoardNotFound), (SVBRDF_MEASURE_NONE, 0.0, 0.0, -1.0));
     }
 
     #[test]
     fn hints_of_accepted_photos_are_reported() {
-        let told = |hints| {
+        let fields = |hints| {
             let accepted = AcceptedPhoto { index: 9, pose: None, maps_seconds: 0.1, hints };
             svbrdf_photo_report::accepted(&accepted, 0)
         };
-        let report = told(vec![
+        let report = fields(vec![
             Hint::NothingNew { index: 4 },
             Hint::NotLinear { what: "gray", ratio: 0.52, undone: false },
         ]);
@@ -478,7 +478,7 @@ mod tests {
         assert_eq!((report.same_view_as, report.over_white), (4, 0.52));
         let words = advice(&report);
         assert!(words.starts_with("photo 5 has") && words.contains("gray is 0.520"), "{words}");
-        let plain = told(Vec::new());
+        let plain = fields(Vec::new());
         assert_eq!((plain.hints, advice(&plain)), (0, String::new()));
         assert_eq!((plain.same_view_as, plain.over_white), (-1, -1.0));
     }

@@ -4,7 +4,7 @@ use crate::{Error, Result};
 
 /// The picture's name in a folder of maps.
 pub const CLASS_FILE: &str = "class.png";
-/// Colours that are told apart easily; of more classes they come again.
+/// Colours that are easy to distinguish; more classes repeat them.
 const PALETTE: [[u8; 3]; 8] = [
     [0x99, 0x99, 0x99],
     [0xe6, 0x9f, 0x00],

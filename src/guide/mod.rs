@@ -158,10 +158,10 @@ impl Guide {
     }
 
     fn is_enough(&self, survey: Option<&Survey>, photos: usize) -> bool {
-        let told = survey.filter(|s| s.settled).and_then(Survey::best);
+        let surveyed = survey.filter(|s| s.settled).and_then(Survey::best);
         photos >= self.options.most
             || photos >= self.options.least
-                && told.is_some_and(|best| best.gain < self.options.enough)
+                && surveyed.is_some_and(|best| best.gain < self.options.enough)
     }
 
     /// `None` until the fit has computed the gains of views.

@@ -102,8 +102,8 @@ fn a_photograph_is_asked_for_once() {
 fn the_camera_is_led_to_the_most_informative_view() {
     let mut guide = Guide::default();
     let wanted = view(30.0, 90.0);
-    let told = survey(0.4, wanted, true);
-    let away = still(&mut guide, &told, 1, &probe(view(10.0, 270.0), 0.0), 0.0);
+    let surveyed = survey(0.4, wanted, true);
+    let away = still(&mut guide, &surveyed, 1, &probe(view(10.0, 270.0), 0.0), 0.0);
     let target = away.target.unwrap();
     assert_eq!((away.action, target.view), (Action::Move, wanted));
     assert!((target.degrees - 40.0).abs() < 1e-3, "{target:?}");
@@ -115,28 +115,28 @@ fn the_camera_is_led_to_the_most_informative_view() {
     assert!(away.message.contains("far side"), "{}", away.message);
     assert!(away.gain.unwrap() < 0.5 * away.best_gain.unwrap());
     // A nearby view suffices.
-    let near = still(&mut guide, &told, 1, &probe(view(30.0, 86.0), 0.0), 1.0);
+    let near = still(&mut guide, &surveyed, 1, &probe(view(30.0, 86.0), 0.0), 1.0);
     assert_eq!(near.action, Action::Shoot);
     let mut again = Guide::default();
     let mut same = probe(wanted, 0.0);
     same.hints.push(Hint::NothingNew { index: 0 });
-    assert_eq!(still(&mut again, &told, 1, &same, 0.0).action, Action::Move);
+    assert_eq!(still(&mut again, &surveyed, 1, &same, 0.0).action, Action::Move);
 }
 
 #[test]
 fn faults_are_corrected_first() {
     let mut guide = Guide::default();
-    let told = survey(0.4, view(30.0, 90.0), true);
+    let surveyed = survey(0.4, view(30.0, 90.0), true);
     let mut dark = probe(view(30.0, 90.0), 0.0);
     dark.rejection = Some(Rejection::TooDark { level: 0.01 });
-    let answer = still(&mut guide, &told, 1, &dark, 0.0);
+    let answer = still(&mut guide, &surveyed, 1, &dark, 0.0);
     assert_eq!((answer.action, answer.rejection), (Action::Adjust, dark.rejection));
     assert!(answer.message.starts_with("Too dark"), "{}", answer.message);
     dark.rejection = Some(Rejection::Blurred { blur_px: 5.0, direction_deg: None });
-    assert_eq!(still(&mut guide, &told, 1, &dark, 1.0).action, Action::Hold);
+    assert_eq!(still(&mut guide, &surveyed, 1, &dark, 1.0).action, Action::Hold);
     let mut lost = dark.clone();
     (lost.rejection, lost.pose, lost.view) = (Some(Rejection::BoardNotFound), None, None);
-    let answer = still(&mut guide, &told, 1, &lost, 2.0);
+    let answer = still(&mut guide, &surveyed, 1, &lost, 2.0);
     assert_eq!((answer.action, answer.target), (Action::Adjust, None));
 }
 
@@ -145,8 +145,8 @@ fn capture_ends_when_the_settled_fit_expects_little_gain() {
     let at = view(30.0, 90.0);
     let picture = probe(at, 0.0);
     let action = |best, settled, photos| {
-        let told = survey(best, at, settled);
-        still(&mut Guide::default(), &told, photos, &picture, 0.0).action
+        let surveyed = survey(best, at, settled);
+        still(&mut Guide::default(), &surveyed, photos, &picture, 0.0).action
     };
     assert_eq!(action(0.02, true, 6), Action::Enough);
     assert_eq!(action(0.02, false, 6), Action::Shoot, "not settled");

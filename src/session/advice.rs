@@ -95,7 +95,7 @@ mod tests {
             if black { target.black_albedo } else { target.white_albedo }
         };
         let light = pose.camera_centre();
-        // What the squares told, blacks being so many times what the target says.
+        // Squares whose blacks are so many times as bright as the target states.
         let known = |ratio| Photometry {
             tone: ToneCurve::default(),
             tone_sigma: [0.0; 3],

@@ -307,12 +307,12 @@ mod tests {
         let (session, capture) = session();
         let photo = capture.photos[0].read().unwrap();
         assert!(matches!(session.add_photo(&photo), Ok(Outcome::Accepted(_))));
-        let (tell, told) = crossbeam_channel::bounded(1);
+        let (sender, receiver) = crossbeam_channel::bounded(1);
         let _held = session.intake.lock().unwrap();
         std::thread::scope(|scope| {
             session.pool.install(|| {
-                scope.spawn(|| tell.send(session.probe(&photo).map(|p| p.pose.is_some())));
-                let probed = told.recv_timeout(std::time::Duration::from_secs(600));
+                scope.spawn(|| sender.send(session.probe(&photo).map(|p| p.pose.is_some())));
+                let probed = receiver.recv_timeout(std::time::Duration::from_secs(600));
                 assert!(matches!(probed, Ok(Ok(true))), "{probed:?}");
             });
         });

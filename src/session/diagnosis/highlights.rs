@@ -11,7 +11,7 @@ use crate::parallel;
 /// lobe: a fifteenth to a fifth of its peak. Nearer to the normal than the least, there are too few of them.
 const SHOULDER: [f32; 2] = [1.25, 1.75];
 const LEAST: f32 = 0.012;
-/// Materials are told by their alpha, so many for each doubling.
+/// Classes of alpha for each doubling: each counts as a material.
 const BINS_PER_OCTAVE: f32 = 1.0;
 const BINS: usize = 14;
 /// Share of the sample whose shoulder is saturated from which on it is worth a word, and texels whose shoulder is seen

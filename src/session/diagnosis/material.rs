@@ -38,23 +38,23 @@ pub(super) fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Hint> {
         return None;
     }
     let all = parallel::map(photographs.len(), |i| bins(maps, &photographs[i]));
-    let told = || {
+    let filled = || {
         all.iter().enumerate().flat_map(|(i, bins)| {
-            let told = bins.iter().enumerate().filter(|(_, bin)| bin.count > TEXELS);
-            told.map(move |(k, bin)| (i, k, bin.mean()))
+            let filled = bins.iter().enumerate().filter(|(_, bin)| bin.count > TEXELS);
+            filled.map(move |(k, bin)| (i, k, bin.mean()))
         })
     };
     // Least squares, each bin of a photograph counting once.
     let level = |of: &dyn Fn(&(usize, usize, f64)) -> bool| {
         let (sum, count) =
-            told().filter(of).fold((0.0, 0.0), |(s, n), (_, _, mean)| (s + mean, n + 1.0));
+            filled().filter(of).fold((0.0, 0.0), |(s, n), (_, _, mean)| (s + mean, n + 1.0));
         (count > 0.0).then(|| sum / count)
     };
     let by_angle: Vec<Option<f64>> = (0..BINS).map(|k| level(&|&(_, bin, _)| bin == k)).collect();
     let by_photograph: Vec<Option<f64>> =
         (0..photographs.len()).map(|i| level(&|&(photograph, ..)| photograph == i)).collect();
     let left = |expected: &dyn Fn(usize, usize) -> Option<f64>| {
-        told().filter_map(|(i, k, mean)| Some((mean - expected(i, k)?).powi(2))).sum::<f64>()
+        filled().filter_map(|(i, k, mean)| Some((mean - expected(i, k)?).powi(2))).sum::<f64>()
     };
     let of_angle = left(&|_, k| by_angle[k]);
     let of_photograph = left(&|i, _| by_photograph[i]);

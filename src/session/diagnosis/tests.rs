@@ -184,23 +184,23 @@ fn highlights_that_are_lost_are_told() {
     };
     let found =
         |maps: &Svbrdf, photographs: &[Observation]| LostHighlights::find(maps, photographs);
-    let told = |maps: &Svbrdf, photographs: &[Observation]| found(maps, photographs).is_some();
+    let is_lost = |maps: &Svbrdf, photographs: &[Observation]| found(maps, photographs).is_some();
     let photographs = |maps: &Svbrdf| -> Vec<Observation> {
         (0..6).map(|i| clipped(maps, 20.0 * i as f32, 2.1 * i as f32, 1.0)).collect()
     };
     for (f0, roughness) in [(0.9, 0.15), (0.9, 0.08), (0.5, 0.04)] {
         let polished = glossy(0.003, f0, roughness);
         let mut bright = photographs(&polished);
-        assert!(told(&polished, &bright), "{f0} {roughness}");
+        assert!(is_lost(&polished, &bright), "{f0} {roughness}");
         // As a fit has it that mistakes it for something wider and darker.
         let dimmer = glossy(0.003, 0.2 * f0, roughness * 5.0_f32.powf(0.25));
         let open = found(&dimmer, &bright).unwrap();
         assert!(open.texels.iter().all(|open| *open), "{f0} {roughness}");
         bright.push(clipped(&polished, 10.0, 1.0, 1.0 / 200.0));
-        assert!(!told(&polished, &bright), "{f0} {roughness}");
+        assert!(!is_lost(&polished, &bright), "{f0} {roughness}");
     }
     for (f0, roughness) in [(0.04, 0.2), (0.04, 0.3), (0.9, 0.5), (0.3, 0.6)] {
         let maps = glossy(0.3, f0, roughness);
-        assert!(!told(&maps, &photographs(&maps)), "{f0} {roughness}");
+        assert!(!is_lost(&maps, &photographs(&maps)), "{f0} {roughness}");
     }
 }

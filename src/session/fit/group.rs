@@ -1,4 +1,4 @@
-//! The photographs that progress is told of as one piece of work.
+//! The photographs whose progress is reported as one piece of work.
 
 /// Photographs that were announced together, or one that was not announced.
 #[derive(Debug, Clone, Copy, Default)]
@@ -11,16 +11,16 @@ pub struct Group {
     to_come: usize,
     /// Fraction of the fit's work that is done on all photographs it has.
     share: f32,
-    /// Fraction told last: it never falls within a group.
-    told: f32,
+    /// Fraction reported last: it never falls within a group.
+    reported: f32,
 }
 
 impl Group {
     /// Photographs that are there already: their work counts as that of one.
     pub fn anew(&mut self, photographs: usize, share: f32) {
-        let told = if self.to_come > 0 { self.told } else { 0.0 };
+        let reported = if self.to_come > 0 { self.reported } else { 0.0 };
         let accepted = photographs.min(1);
-        *self = Self { accepted, finished: 0, share, told, ..*self };
+        *self = Self { accepted, finished: 0, share, reported, ..*self };
     }
 
     /// So many photographs are still to come. They join those that the fit has not settled on yet.
@@ -66,8 +66,8 @@ impl Group {
                 (self.finished as f32 + self.share * begun) / all as f32
             }
         };
-        self.told = self.told.max(now);
-        self.told
+        self.reported = self.reported.max(now);
+        self.reported
     }
 }
 

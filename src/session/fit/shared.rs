@@ -58,7 +58,7 @@ impl State {
         self.fitted == self.progress.photos
     }
 
-    /// Changes what progress is told of; whether that changes its fraction.
+    /// Changes the reported group of photographs; returns whether its fraction changes.
     pub fn regroup(&mut self, change: impl FnOnce(&mut Group)) -> bool {
         let before = self.progress.fraction;
         change(&mut self.group);

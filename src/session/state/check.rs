@@ -53,8 +53,8 @@ pub(super) fn board(fresh: &Board, saved: &Board) -> Result<()> {
     photographs.iter().try_for_each(|p| photograph(p, size))?;
     let estimated = fresh.camera().is_none();
     let whole = !estimated || photographs.iter().all(|p| p.part.is_some());
-    let told = estimate.is_some() == (estimated && !photographs.is_empty());
-    require(whole && told, "the photographs do not match the camera")
+    let estimated_or_given = estimate.is_some() == (estimated && !photographs.is_empty());
+    require(whole && estimated_or_given, "the photographs do not match the camera")
 }
 
 /// A photograph of a board that a camera of this size took.

@@ -277,7 +277,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
     /** On the camera's thread. */
     override fun onShotFailed() {
         model.missed()
-        runOnUiThread { told(getString(R.string.failed, "camera"), false) }
+        runOnUiThread { announce(getString(R.string.failed, "camera"), false) }
     }
 
     /** On the camera's thread. */
@@ -325,11 +325,11 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
             is Outcome.Accepted -> {
                 val degrees = Math.toDegrees(outcome.pose?.angle ?: 0.0).toInt()
                 val more = words(outcome).joinToString(" ")
-                told(getString(R.string.accepted, outcome.index + 1, degrees, more), true)
+                announce(getString(R.string.accepted, outcome.index + 1, degrees, more), true)
             }
             is Outcome.Rejected -> {
                 val moved = outcome.blurDirectionDeg != null
-                told(getString(R.string.rejected, words(outcome.reason, moved) ?: outcome.advice), false)
+                announce(getString(R.string.rejected, words(outcome.reason, moved) ?: outcome.advice), false)
             }
         }
     }
@@ -357,7 +357,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         else -> null
     }
 
-    private fun told(words: String, good: Boolean) {
+    private fun announce(words: String, good: Boolean) {
         feedback.text = words
         wordsUntil = SystemClock.uptimeMillis() + WORDS_MS
         overlay.good = good
@@ -378,7 +378,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         share.isEnabled = true
     }
 
-    override fun onFault(fault: Exception) = told(getString(R.string.failed, fault.message), false)
+    override fun onFault(fault: Exception) = announce(getString(R.string.failed, fault.message), false)
 
     // Sharing.
 

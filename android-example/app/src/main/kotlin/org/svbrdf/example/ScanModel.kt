@@ -164,7 +164,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
     private fun pushNow(shot: FlashCamera.Shot) {
         val session = scanner ?: throw IllegalStateException("no scan")
         val choice = shot.camera.choice
-        // A camera that tells no exposure has locked it.
+        // A camera that reports no exposure has locked it.
         val exposure = shot.result.exposure(raw = !shot.isYuv) ?: 1.0
         if (firstExposure == 0.0) {
             firstExposure = exposure

@@ -191,7 +191,7 @@ enum class ThreadRole(internal val code: Int) {
     /** Calls [MaterialScanner.Listener.onProgress] and [MaterialScanner.Listener.onMaps]. */
     CALLBACK(3),
 
-    /** Takes photos of [MaterialScanner.addPhotoAsync] in, and tells what became of them. */
+    /** Adds photos of [MaterialScanner.addPhotoAsync], and reports their outcomes. */
     PHOTOS(4);
 
     internal companion object {

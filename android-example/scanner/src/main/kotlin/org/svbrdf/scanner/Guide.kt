@@ -41,7 +41,7 @@ class Guidance internal constructor(
      * null where it is not known.
      */
     val gain: Float?,
-    /** The same of the view that tells most. */
+    /** The same of the most informative view. */
     val bestGain: Float?,
 ) {
     /** A place to take a photo from, as seen from where the camera is. */

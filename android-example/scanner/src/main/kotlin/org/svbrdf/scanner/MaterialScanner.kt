@@ -118,7 +118,7 @@ class MaterialScanner private constructor(
         photo.probe(this, handle.now, info)
 
     /**
-     * Judges an image of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
+     * Judges an image of the camera's preview as [probe] does and returns the next action: hold, move there, shoot
      * now, or enough. Call it with every image; [PhotoInfo.timestampNs] says when it was taken. After
      * [Action.SHOOT] it asks to hold until the photo has been added. Waits neither for the fit nor for a push.
      */
@@ -127,7 +127,7 @@ class MaterialScanner private constructor(
         preview.guide(this, handle.now, info)
 
     /**
-     * Begins guidance anew, with other options. Also tells that the photo asked for was not taken, or was
+     * Restarts guidance with other options. Also reports that the photo asked for was not taken, or was
      * rejected.
      */
     @JvmOverloads
@@ -193,7 +193,7 @@ class MaterialScanner private constructor(
             return Light(values.copyOf(3), values[3].toFloat())
         }
 
-    /** Where the next photo tells most; null before the first one and for photos from the top. */
+    /** The most informative next view; null before the first one and for photos from the top. */
     val nextView: NextView?
         get() {
             val v = DoubleArray(NextView.SIZE)
@@ -201,7 +201,7 @@ class MaterialScanner private constructor(
             return NextView.of(v)
         }
 
-    /** The camera as used; null before a photo tells, and for photos from the top. */
+    /** The camera as used; null before a photo determines it, and for photos from the top. */
     val camera: UsedCamera?
         get() {
             val v = DoubleArray(UsedCamera.SIZE)

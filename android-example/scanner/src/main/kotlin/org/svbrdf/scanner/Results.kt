@@ -71,7 +71,7 @@ sealed class Outcome {
     }
 }
 
-/** Where the next photo tells most: from there the highlight reaches what it has not swept. */
+/** The most informative next view: from there the highlight reaches what it has not swept. */
 data class NextView(
     /** Angle off the top, degrees. */
     val tiltDeg: Float,
