@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use web_time::Instant;
 
-use crate::svbrdf::{CHANNELS, channel, encoding};
-use crate::{Error, Result, Svbrdf};
+use crate::{Error, Result};
 
 /// Limits on the work on each photograph; the default has none.
 ///
@@ -19,8 +18,8 @@ pub struct Budget {
     pub seconds: Option<f32>,
     /// Steps of the optimisers on each photograph.
     pub steps: Option<u32>,
-    /// Whether the fit ends once its remaining change is below half a step of 8-bit maps (root mean square of
-    /// each channel, as shown: normals and roughness linear, albedos with the sRGB curve).
+    /// Whether the fit ends once further steps, none better than the latest, would lower the mean absolute
+    /// log residual by less than .001: a quarter of half a step of 8-bit white.
     pub stop_when_invisible: bool,
 }
 
@@ -84,61 +83,9 @@ impl Meter {
     }
 }
 
-/// Half a step of 8 bits.
-const VISIBLE: f32 = 0.5 / 255.0;
 /// Mean log-L1 that is invisible: half a step of 8-bit white is 0.004 in log radiance, and a mean difference
 /// hides larger ones.
 const VISIBLE_LOSS: f64 = 1e-3;
-
-/// Maps as 8-bit files show them, at a subset of texels.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Shown {
-    /// Channel after channel.
-    pub values: Vec<f32>,
-}
-
-impl Shown {
-    /// The root mean square of this many texels is within a few per cent of that of all.
-    const TEXELS: usize = 4096;
-
-    pub(crate) fn of(maps: &Svbrdf) -> Self {
-        // An odd step does not follow the columns of maps of even width.
-        let step = maps.texels().div_ceil(Self::TEXELS) | 1;
-        let texels = |c: usize| maps.plane(c).iter().step_by(step).map(move |&v| shown(c, v));
-        Self { values: (0..CHANNELS).flat_map(texels).collect() }
-    }
-
-    /// Largest root mean square difference of a channel between maps of one size, in units of the visible
-    /// difference.
-    pub(crate) fn visible_change(&self, other: &Self) -> f32 {
-        let texels = self.values.len() / CHANNELS;
-        let rms = |(a, b): (&[f32], &[f32])| {
-            let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-            (sum / texels as f64).sqrt() as f32
-        };
-        let planes = self.values.chunks(texels).zip(other.values.chunks(texels));
-        planes.map(rms).fold(0.0, f32::max) / VISIBLE
-    }
-}
-
-/// A parameter on the scale of its 8-bit map.
-fn shown(c: usize, value: f32) -> f32 {
-    match c {
-        channel::SLOPE_X | channel::SLOPE_Y => 0.5 * value / (1.0 + value * value).sqrt(),
-        channel::ROUGHNESS => value,
-        // The square root is within a few per cent of the sRGB curve's slope.
-        _ => 0.5 * (encoding::encode(c, value) + 1.0),
-    }
-}
-
-/// Upper bound of the change of the steps after step `done`, if each changes as much as the latest; rates
-/// fall along a half cosine over `steps`.
-pub(crate) fn predicted_change(latest: f32, done: u32, steps: u32) -> f32 {
-    let rate =
-        |step: u32| 0.5 * (1.0 + (std::f32::consts::PI * step as f32 / steps.max(1) as f32).cos());
-    let left: f32 = (done..steps).map(rate).sum();
-    latest * left / rate(done.saturating_sub(1)).max(f32::MIN_POSITIVE)
-}
 
 /// Predicts whether further steps of an optimiser, none better than the latest, would lower the mean log-L1
 /// visibly.
@@ -171,26 +118,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_grey_level_is_visible_and_a_quarter_is_not() {
-        for (c, size) in (0..CHANNELS).flat_map(|c| [(c, 16), (c, 256)]) {
-            let a = Svbrdf::new(size, size);
-            for (levels, seen) in [(1.0, true), (0.25, false)] {
-                let mut b = a.clone();
-                let step = levels / 255.0;
-                for v in b.plane_mut(c) {
-                    *v = match c {
-                        channel::SLOPE_X | channel::SLOPE_Y => 2.0 * step,
-                        channel::ROUGHNESS => *v + step,
-                        _ => (v.sqrt() + step).powi(2),
-                    };
-                }
-                let change = Shown::of(&a).visible_change(&Shown::of(&b));
-                assert_eq!(change >= 1.0, seen, "channel {c}, {levels} levels");
-            }
-        }
-    }
-
-    #[test]
     fn the_meter_counts_work_and_steps() {
         let budget = Budget { steps: Some(10), ..Budget::default() };
         let mut meter = Meter::new(budget);
@@ -211,11 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn change_is_predicted_from_the_remaining_rates() {
-        assert_eq!(predicted_change(1.0, 30, 30), 0.0);
-        // Half way the rate is one half, and the rest of the cosine sums to 15 (1/2 - 1/pi).
-        let left = predicted_change(1.0, 15, 30);
-        assert!((left - 15.0 * (0.5 - std::f32::consts::FRAC_1_PI) / 0.5).abs() < 0.7, "{left}");
+    fn a_trend_ends_where_further_steps_gain_nothing_visible() {
         let mut trend = Trend::new(8, 1);
         assert!(!trend.is_flat(1, 0.2) && !trend.is_flat(2, 0.1) && trend.is_flat(3, 0.0999));
     }

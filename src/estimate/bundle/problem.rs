@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::parameters::{Parameter, Shared};
 use super::sample::{Photograph, Sample};
-use super::state::{EightLobes, State};
+use super::state::{EightLobes, SharedLobes, State};
 use crate::estimate::coordinates::Coordinates;
 use crate::estimate::coordinates::clamped;
 use crate::estimate::correction::Correction;
@@ -113,6 +113,14 @@ impl Problem {
         let photographs = self.photographs().enumerate();
         let view = |(i, view)| TexelView::new(&correction.apply(view, i), 1, 1);
         photographs.map(|(i, p)| (view((i, &p.view)), p)).collect()
+    }
+
+    /// Each texel's cost with this anisotropy of the specular lobe and no other optional lobe.
+    pub fn costs_with(&self, state: &State, anisotropy: [f64; 2]) -> Vec<f64> {
+        let mut lobes = SharedLobes::none(state.groups.len());
+        lobes.anisotropy[0] = anisotropy;
+        let state = State { lobes: Some(lobes), ..state.clone() };
+        self.texel_costs(&state, [&state.deviations]).into_iter().map(|[cost]| cost).collect()
     }
 
     /// Negative logarithm of the posterior.

@@ -16,8 +16,9 @@
 //!
 //! A prediction is skipped once its candidate can no longer get a weight.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
+use super::directions::Directions;
 use super::prediction;
 use super::setup::{Setup, descended};
 use crate::Svbrdf;
@@ -40,23 +41,41 @@ const MIN_WEIGHT: f64 = 0.01;
 /// Share of the weights that accepts a lobe: its candidates predict better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
 
-/// Predictions in progress.
-pub(crate) struct PriorChoice {
-    /// Whether the first round, of optional lobes, has ended.
-    lobes_chosen: bool,
-    /// Predictions of the first round.
-    earlier: usize,
-    pub(super) candidates: Vec<JointPrior>,
-    /// Priors of the second round.
-    priors: Vec<JointPrior>,
-    options: EstimateOptions,
+/// Rounds of predictions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Round {
+    Lobes,
+    Directions,
+    Priors,
+}
+
+/// A grid of texels, and an estimate there.
+#[derive(Clone)]
+struct Grid {
     sample: Arc<Sample>,
     estimate: Vec<Coordinates>,
+}
+
+/// Predictions in progress.
+pub(crate) struct PriorChoice {
+    round: Round,
+    /// Predictions of earlier rounds.
+    earlier: usize,
+    pub(super) candidates: Vec<JointPrior>,
+    /// Accepted lobes with the first prior, and the errors of its predictions.
+    accepted: (JointPrior, Vec<f64>),
+    options: EstimateOptions,
+    /// Averages of texels, and single texels.
+    grids: [Grid; 2],
+    /// Whether the predictions are those of single texels.
+    single: bool,
     board: bool,
     /// Photographs in the predictions.
     which: Vec<usize>,
     /// Photographs left out in turn; the latest last.
     pub(super) folds: Vec<usize>,
+    /// Classes of two directions without each photograph, once they are tried.
+    directions: Vec<OnceLock<Directions>>,
     /// Squared errors, candidate by candidate, photograph by photograph; NaN before the prediction.
     pub(super) errors: Vec<f64>,
 }
@@ -71,40 +90,56 @@ impl PriorChoice {
     ) -> Self {
         let count = photographs.len();
         let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
-        let sample = Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS));
-        let JointOptions { few, candidates: priors, .. } = &options.joint;
-        // `may_count` relies on this order.
-        let mut lobes = vec![[false, false], [true, false], [false, true], [true, true]];
-        let mut priors = priors.clone();
-        if count < options.schedule.determined_from {
-            // One photograph cannot separate a coat from the tail of a highlight.
-            lobes.truncate(2);
-            priors = vec![*few];
-        }
-        let neutral = priors.first().copied().unwrap_or_default();
-        let with =
-            |&[anisotropic, coated]: &[bool; 2]| JointPrior { anisotropic, coated, ..neutral };
-        let candidates: Vec<JointPrior> = lobes.iter().map(with).collect();
-        Self {
-            lobes_chosen: false,
+        let grids = [TAKEN_FROM, usize::MAX].map(|averaged| {
+            let sample = Arc::new(Sample::new(photographs, averaged, TEXELS));
+            Grid { estimate: sample.coordinates(maps), sample }
+        });
+        let JointOptions { few, candidates, .. } = &options.joint;
+        let first = candidates.first().filter(|_| count >= options.schedule.determined_from);
+        let mut choice = Self {
+            round: Round::Lobes,
             earlier: 0,
-            errors: vec![f64::NAN; candidates.len() * folds.len()],
-            candidates,
-            priors,
-            estimate: sample.coordinates(maps),
+            candidates: Vec::new(),
+            accepted: (*first.unwrap_or(few), Vec::new()),
+            errors: Vec::new(),
             options: options.clone(),
-            sample,
+            grids,
+            single: false,
             board,
             which: photographs.subset(0),
             folds,
-        }
+            directions: vec![OnceLock::new(); count],
+        };
+        // One photograph cannot separate a coat from the tail of a highlight.
+        let lobes = [(0, false), (1, false), (0, true), (1, true)];
+        let number = if choice.is_determined() { 4 } else { 2 };
+        let with = |(directions, coated)| JointPrior { directions, coated, ..choice.accepted.0 };
+        let candidates = lobes.into_iter().take(number).map(with).collect();
+        choice.begin(Round::Lobes, candidates);
+        choice
+    }
+
+    /// Whether there are enough photographs to leave one out.
+    fn is_determined(&self) -> bool {
+        self.which.len() >= self.options.schedule.determined_from
+    }
+
+    fn begin(&mut self, round: Round, candidates: Vec<JointPrior>) {
+        self.earlier += self.made();
+        self.errors = vec![f64::NAN; candidates.len() * self.folds.len()];
+        (self.round, self.candidates) = (round, candidates);
     }
 
     /// Predictions made, and an estimate of all.
     pub fn work(&self) -> [usize; 2] {
         let done = self.earlier + self.made();
-        let priors = if self.lobes_chosen { 0 } else { self.priors.len() };
-        let all = self.earlier + self.errors.len() + priors * self.folds.len();
+        let later = match self.round {
+            _ if !self.is_determined() => 0,
+            Round::Lobes => 2 + self.options.joint.candidates.len(),
+            Round::Directions => self.options.joint.candidates.len(),
+            Round::Priors => 0,
+        };
+        let all = self.earlier + self.errors.len() + later * self.folds.len();
         [done, if self.is_done() { done } else { all }]
     }
 
@@ -115,48 +150,72 @@ impl PriorChoice {
 
     /// Whether no further prediction can change the choice.
     pub fn is_done(&self) -> bool {
-        self.lobes_chosen && self.next().is_none()
+        self.round == Round::Priors && self.next().is_none()
     }
 
-    /// Makes the next prediction, or chooses the optional lobes.
+    /// Makes the next prediction, or ends a round.
     pub fn step(&mut self) {
         match self.next() {
             Some(next) => {
                 let error = self.error(next);
                 self.record(next, error);
             }
-            None if !self.lobes_chosen => self.choose_lobes(),
-            None => {}
+            None => self.end_round(),
         }
     }
 
-    /// Accepts optional lobes and starts the second round. Its first candidate has predicted in the first.
-    pub(super) fn choose_lobes(&mut self) {
-        let weights: Vec<f64> = self.candidates().map(|c| self.weight(self.sum(c))).collect();
+    /// Accepts optional lobes and starts the next round.
+    pub(super) fn end_round(&mut self) {
+        let weights: Vec<f64> = self.candidates().map(|c| self.final_weight(c)).collect();
         let total: f64 = weights.iter().sum();
-        let share = |has: fn(&JointPrior) -> bool| {
+        let accepts = |has: fn(&JointPrior) -> bool| {
             let with = weights.iter().zip(&self.candidates).filter(|(_, prior)| has(prior));
-            with.map(|(weight, _)| weight).sum::<f64>() / total
+            with.map(|(weight, _)| weight).sum::<f64>() > LOBE_WEIGHT * total
         };
-        let anisotropic = share(|prior| prior.anisotropic) > LOBE_WEIGHT;
-        let coated = share(|prior| prior.coated) > LOBE_WEIGHT;
-        let has = |prior: &JointPrior| [prior.anisotropic, prior.coated] == [anisotropic, coated];
-        let known = self.candidates.iter().position(has).map(|c| self.errors[self.of(c)].to_vec());
-        self.earlier = self.made();
-        let priors = self.priors.iter();
-        self.candidates =
-            priors.map(|prior| JointPrior { anisotropic, coated, ..*prior }).collect();
-        self.errors = vec![f64::NAN; self.candidates.len() * self.folds.len()];
-        for (error, known) in self.errors.iter_mut().zip(known.unwrap_or_default()) {
-            *error = known;
+        if std::env::var("SV_DBG").is_ok() {
+            for c in self.candidates() { eprintln!("{:?} {} {} {:?} w {}", self.round, self.candidates[c].directions, self.candidates[c].coated, &self.errors[self.of(c)], weights[c]); }
         }
-        self.lobes_chosen = true;
+        let (mut prior, known) = self.accepted.clone();
+        match self.round {
+            Round::Lobes => prior.directions = usize::from(accepts(|prior| prior.directions > 0)),
+            Round::Directions if accepts(|prior| prior.directions == 2) => prior.directions = 2,
+            Round::Directions => {
+                self.single = false;
+                return self.begin_priors(prior, known);
+            }
+            Round::Priors => return,
+        }
+        prior.coated |= accepts(|prior| prior.coated);
+        let has = |c: &JointPrior| (c.directions, c.coated) == (prior.directions, prior.coated);
+        let place = self.candidates.iter().position(has);
+        let known = place.map(|c| self.errors[self.of(c)].to_vec()).unwrap_or_default();
+        if self.round == Round::Lobes && self.is_determined() {
+            let mut candidates = vec![prior, JointPrior { directions: 2, ..prior }];
+            candidates.extend((!prior.coated).then_some(JointPrior { directions: 2, coated: true, ..prior }));
+            self.accepted = (prior, known);
+            self.single = true;
+            self.begin(Round::Directions, candidates);
+        } else {
+            self.begin_priors(prior, known);
+        }
+    }
+
+    /// Starts the last round. Its first candidate has predicted before.
+    fn begin_priors(&mut self, prior: JointPrior, known: Vec<f64>) {
+        let JointPrior { directions, coated, .. } = prior;
+        let mut candidates = vec![prior];
+        if self.is_determined() {
+            let others = self.options.joint.candidates.iter().skip(1);
+            candidates.extend(others.map(|prior| JointPrior { directions, coated, ..*prior }));
+        }
+        self.begin(Round::Priors, candidates);
+        self.errors.iter_mut().zip(known).for_each(|(error, known)| *error = known);
     }
 
     /// Keeps the error of a prediction. An error that is not finite becomes the largest number, because NaN
     /// marks open predictions.
     pub(super) fn record(&mut self, prediction: usize, error: f64) {
-        self.errors[prediction] = if error.is_finite() { error } else { f64::MAX };
+        self.errors[prediction] = if error.is_finite() { error.max(f64::MIN_POSITIVE) } else { f64::MAX };
     }
 
     /// Indices of a candidate's predictions.
@@ -173,9 +232,7 @@ impl PriorChoice {
     /// candidate has predicted all photographs.
     pub fn chosen(&self) -> Option<JointPrior> {
         let candidates = &self.candidates;
-        let all = self.candidates().map(|c| self.weight(self.sum(c)));
-        let weights: Vec<f64> =
-            all.map(|weight| if weight < MIN_WEIGHT { 0.0 } else { weight }).collect();
+        let weights: Vec<f64> = self.candidates().map(|c| self.final_weight(c)).collect();
         let total: f64 = weights.iter().sum();
         let mean = |value: &dyn Fn(&JointPrior) -> f64| {
             weights.iter().zip(candidates).map(|(w, c)| w * value(c)).sum::<f64>() / total
@@ -189,47 +246,58 @@ impl PriorChoice {
             specular: sigma(|prior| prior.specular),
             roughness: sigma(|prior| prior.roughness),
             noise: sigma(|prior| prior.noise),
-            anisotropic: mean(&|prior| f64::from(prior.anisotropic)) > 0.5,
-            coated: mean(&|prior| f64::from(prior.coated)) > 0.5,
+            ..candidates[0]
         })
     }
 
-    /// Least and greatest mean squared error of the candidates that have predicted all photographs.
+    /// Least and greatest geometric mean of the squared errors of the candidates that have predicted all
+    /// photographs.
     pub fn range(&self) -> [f64; 2] {
-        let means = self.candidates().map(|c| self.sum(c) / self.folds.len() as f64);
+        let means = self.candidates().map(|c| (self.sum(c) / self.folds.len() as f64).exp());
         means.filter(|e| !e.is_nan()).fold([f64::INFINITY, 0.0], |[a, b], e| [a.min(e), b.max(e)])
     }
 
-    /// Weight of a sum of squared errors, relative to the least sum: the likelihood of as many normal
-    /// deviates as independent texels. 0 for NaN.
-    fn weight(&self, sum: f64) -> f64 {
-        let least = self.candidates().map(|c| self.sum(c)).fold(f64::INFINITY, f64::min);
-        let deviates = self.options.joint.independent_texels * self.folds.len() as f64;
-        match sum {
-            sum if sum.is_nan() => 0.0,
-            _ if least.is_infinite() => 1.0,
-            sum => (least / sum).powf(0.5 * deviates),
-        }
+    /// Weight of a candidate relative to the best one by the predictions so far: their likelihood as so many
+    /// normal deviates as there are independent texels. Each photograph has a variance of its own, because
+    /// one with a highlight is predicted ten times worse than others.
+    fn weight(&self, candidate: usize) -> f64 {
+        let complete = self.candidates().filter(|&c| !self.sum(c).is_nan());
+        let Some(best) = complete.min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b))) else {
+            return 1.0;
+        };
+        let pairs = self.errors[self.of(candidate)].iter().zip(&self.errors[self.of(best)]);
+        let known = pairs.filter(|(error, _)| !error.is_nan());
+        let logarithms: f64 = known.map(|(error, least)| (least / error).ln()).sum();
+        (0.5 * self.options.joint.independent_texels * logarithms).exp()
     }
 
-    /// Sum of a candidate's squared errors; NaN before its last prediction.
+    /// Sum of the logarithms of a candidate's squared errors; NaN before its last prediction.
     fn sum(&self, candidate: usize) -> f64 {
-        self.errors[self.of(candidate)].iter().sum()
+        self.errors[self.of(candidate)].iter().map(|error| error.ln()).sum()
+    }
+
+    /// Weight of a candidate that has predicted all photographs; 0 for others and for small weights.
+    fn final_weight(&self, candidate: usize) -> f64 {
+        let weight = self.weight(candidate);
+        if weight < MIN_WEIGHT || self.sum(candidate).is_nan() { 0.0 } else { weight }
     }
 
     /// Whether a candidate can still get a weight.
     fn may_count(&self, candidate: usize) -> bool {
         let prior = &self.candidates[candidate];
-        if !self.lobes_chosen && prior.anisotropic && prior.coated {
-            // Both lobes are tried together only if one of them helps.
-            let [without, anisotropic, coated] = [0, 1, 2].map(|c| self.sum(c));
-            if anisotropic.min(coated) > without {
-                return false;
+        // Two lobes are tried together only if one of them helps.
+        let helps = match self.round {
+            Round::Lobes if prior.directions > 0 && prior.coated => {
+                let [without, anisotropic, coated] = [0, 1, 2].map(|c| self.sum(c));
+                anisotropic.min(coated) < without
             }
+            Round::Directions if candidate == 2 => self.sum(1) < self.sum(0),
+            _ => true,
+        };
+        if !helps {
+            return false;
         }
-        let known = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan());
-        // An empty sum of floats is -0.
-        self.weight(known.fold(0.0, |sum, error| sum + error)) >= MIN_WEIGHT
+        self.weight(candidate) >= MIN_WEIGHT
     }
 
     /// The next prediction that can change the choice.
@@ -252,8 +320,20 @@ impl PriorChoice {
     fn fitted(&self, candidate: usize, left_out: usize) -> (Problem, State) {
         let prior = &self.candidates[candidate];
         let which: Vec<usize> = self.which.iter().copied().filter(|&i| i != left_out).collect();
-        let setup = Setup::new(&self.sample, &which, prior, &self.estimate, &self.options.joint);
-        let problem = setup.problem(&self.sample, which, prior, self.board, &self.options);
-        descended(problem, STEPS)
+        let Grid { sample, estimate } = &self.grids[usize::from(self.single)];
+        let setup = Setup::new(sample, &which, prior, estimate, &self.options.joint);
+        let fit = |setup: Setup, prior: &JointPrior| {
+            let problem = setup.problem(sample, which.clone(), prior, self.board, &self.options);
+            descended(problem, STEPS)
+        };
+        if prior.directions < 2 {
+            return fit(setup, prior);
+        }
+        let directions = self.directions[left_out].get_or_init(|| {
+            let neutral = JointPrior { directions: 0, coated: false, ..self.accepted.0 };
+            let (problem, state) = fit(setup.clone(), &neutral);
+            Directions::of(&problem, &state)
+        });
+        fit(setup.with_directions(directions), prior)
     }
 }

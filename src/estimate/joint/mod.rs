@@ -12,6 +12,7 @@
 
 mod choice;
 mod classes;
+mod directions;
 mod flat;
 mod prediction;
 mod setup;
@@ -35,6 +36,7 @@ use crate::svbrdf::LOBES;
 pub(super) use choice::PriorChoice;
 pub(super) use classes::classes;
 pub(super) use flat::flattened;
+use directions::Directions;
 use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, TEXELS, descent};
 
 /// Largest number of steps.
@@ -59,7 +61,7 @@ impl JointFit {
         board: bool,
         options: &EstimateOptions,
     ) -> Self {
-        let sample = Arc::new(Sample::new(photographs, TEXELS, TEXELS));
+        let sample = Arc::new(Sample::new(photographs, if prior.directions == 2 { usize::MAX } else { TEXELS }, TEXELS));
         let which: Vec<usize> = (0..photographs.len()).collect();
         let estimate = sample.coordinates(maps);
         let mut setup = Setup::new(&sample, &which, &prior, &estimate, &options.joint);
@@ -69,6 +71,12 @@ impl JointFit {
             setup = setup.around(&estimate, own);
         }
         let classes = setup.classes.clone();
+        if prior.directions == 2 {
+            let neutral = JointPrior { directions: 0, coated: false, ..prior };
+            let problem = setup.clone().problem(&sample, which.clone(), &neutral, board, options);
+            let (problem, state) = setup::descended(problem, STEPS);
+            setup = setup.with_directions(&Directions::of(&problem, &state));
+        }
         let problem = setup.problem(&sample, which, &prior, board, options);
         Self { descent: descent(problem, STEPS), prior, classes, own }
     }
@@ -115,6 +123,7 @@ impl JointFit {
         for (class, mean) in values.iter_mut().zip(&problem.groups.mean) {
             class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
         }
+        values.truncate(1 + classes.len());
         let of_all = values.remove(0);
         for class in &mut values {
             class.iter_mut().zip(of_all).for_each(|(v, all)| *v += all);
@@ -122,12 +131,22 @@ impl JointFit {
         // Classes apply to the colours of texels at full size.
         map_state.refine(photographs);
         let slopes = flattened(&map_state.maps, prior.relief as f32);
-        map_state.mean =
-            Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
+        photographs.correct(state.correction);
+        let mut gloss = Gloss { classes, values, lobes: None, directions: Vec::new() };
+        if let Some(lobes) = &state.lobes
+            && prior.directions == 2
+        {
+            let without = gloss.maps(&slopes, own, photographs);
+            let first = 1 + gloss.classes.len();
+            let anisotropy = [first, first + 1].map(|k| [0, 1].map(|i| lobes.anisotropy[0][i] + lobes.anisotropy[k][i]));
+            gloss.directions =
+                Directions::at_full_size(&without, photographs.full(), problem.noise, anisotropy);
+        }
+        gloss.lobes = state.lobes;
+        map_state.mean = gloss.maps(&slopes, own, photographs);
         map_state.maps.clone_from(&map_state.mean);
         map_state.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
         map_state.fixed_noise = Some(prior.noise as f32);
-        photographs.correct(state.correction);
     }
 }
 
@@ -136,6 +155,8 @@ struct Gloss {
     classes: Clusters,
     values: Vec<Coordinates>,
     lobes: Option<SharedLobes>,
+    /// Shares of texels in two directions, if any.
+    directions: Vec<[f32; 2]>,
 }
 
 impl Gloss {
@@ -177,7 +198,8 @@ impl Gloss {
         let mut shares = vec![0.0; self.classes.len()];
         for (t, colour) in colours.iter().enumerate() {
             self.classes.shares(colour, &mut shares);
-            let of_groups = std::iter::once(1.0).chain(shares.iter().copied());
+            let directions = self.directions.get(t).into_iter().flatten();
+            let of_groups = std::iter::once(&1.0).chain(&shares).chain(directions).copied();
             for (c, value) in lobes.of_texel(of_groups).into_iter().enumerate() {
                 planes[c * n + t] = value as f32;
             }

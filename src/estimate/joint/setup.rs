@@ -17,6 +17,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::directions::Directions;
 use crate::estimate::bundle::{
     Descent, Groups, Limits, MIRRORED, Parameter, Problem, Sample, Shared, State,
 };
@@ -101,6 +102,8 @@ pub(super) struct Setup {
     mean: Vec<Coordinates>,
     /// Prior means of the common gloss, then of each class's offset.
     means: Vec<Coordinates>,
+    /// Anisotropy from which each of two directions starts.
+    directions: Option<[[f64; 2]; 2]>,
 }
 
 impl Setup {
@@ -132,7 +135,7 @@ impl Setup {
         let [root, roughness] = options.gloss;
         let mut means = vec![[0.0; CHANNELS]; 1 + classes.len()];
         means[0][GLOSS].copy_from_slice(&[root, root, root, roughness]);
-        Self { mean: mean.collect(), classes, shares, means }
+        Self { mean: mean.collect(), classes, shares, means, directions: None }
     }
 
     /// Takes the means from an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share
@@ -167,6 +170,16 @@ impl Setup {
         self
     }
 
+    /// Adds two classes of direction.
+    pub fn with_directions(mut self, directions: &Directions) -> Self {
+        let groups = self.means.len();
+        let texels = self.shares.chunks_exact(groups).zip(&directions.shares);
+        self.shares = texels.flat_map(|(of, shares)| of.iter().chain(shares).copied()).collect();
+        self.means.extend([[0.0; CHANNELS]; 2]);
+        self.directions = Some(directions.start);
+        self
+    }
+
     /// The problem of the photographs `which`. `board` says that a board determines the lights.
     pub fn problem(
         self,
@@ -187,8 +200,12 @@ impl Setup {
         let of_class = scale / classes.max(1) as f64 / (prior.between * prior.between);
         let mut precision = vec![[of_class; CHANNELS]; 1 + classes];
         precision[0] = of_all;
+        // Directions have the gloss of their colours.
+        precision.resize(self.means.len(), [f64::MAX.sqrt(); CHANNELS]);
+        let mut shared = shared(sample, &which, board, scale, prior, &options.shared);
+        shared.extend(self.anisotropy(prior, scale, options.shared.anisotropy));
         Problem {
-            shared: shared(sample, &which, board, scale, prior, classes, &options.shared),
+            shared,
             sample: sample.clone(),
             which,
             mean: self.mean,
@@ -203,6 +220,27 @@ impl Setup {
             noise: Noise { scale: prior.noise as f32, huber: noise.huber },
         }
     }
+
+    /// The unknowns of the anisotropy: of all texels, of each class round it, and of two directions.
+    fn anisotropy(&self, prior: &JointPrior, scale: f64, [of_all, of_class]: [f64; 2]) -> Vec<Shared> {
+        if prior.directions == 0 {
+            return Vec::new();
+        }
+        let classes = self.classes.len();
+        // A class has a part of the texels.
+        let of_class = of_class * (classes as f64).sqrt();
+        let groups = std::iter::once((of_all, [0.0; 2]))
+            .chain(std::iter::repeat_n((of_class, [0.0; 2]), classes))
+            .chain(self.directions.iter().flatten().map(|start| (of_all, *start)));
+        let numbers = |(group, (sigma, start)): (usize, (f64, [f64; 2]))| {
+            [0, 1].map(|i| {
+                Shared::new(Parameter::Anisotropy(group, i), scale / (sigma * sigma), 0.5)
+                    .around(start[i])
+                    .within(-MAX_ANISOTROPY, MAX_ANISOTROPY)
+            })
+        };
+        groups.enumerate().flat_map(numbers).collect()
+    }
 }
 
 /// Unknowns that all texels share: gains, exponent and flash; with a board the reflected ambient light;
@@ -213,7 +251,6 @@ fn shared(
     board: bool,
     scale: f64,
     prior: &JointPrior,
-    classes: usize,
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
     let [of_gain, of_exponent, of_flash, of_rotation] = MAX_STEPS;
@@ -240,16 +277,6 @@ fn shared(
             photographs
                 .map(|i| new(Parameter::Mirrored(i), sigmas.mirrored, 1.0).within(low, high)),
         );
-    }
-    if prior.anisotropic {
-        let [low, high] = [-MAX_ANISOTROPY, MAX_ANISOTROPY];
-        let [of_all, of_class] = sigmas.anisotropy;
-        for group in 0..=classes {
-            // A class has a part of the texels.
-            let sigma = if group == 0 { of_all } else { of_class * (classes as f64).sqrt() };
-            let numbers = [0, 1].map(|i| new(Parameter::Anisotropy(group, i), sigma, 0.5));
-            all.extend(numbers.map(|number| number.within(low, high)));
-        }
     }
     if prior.coated {
         let [weight, roughness] = sigmas.coat;

@@ -174,7 +174,7 @@ fn learned_slopes_are_kept_if_they_predict() {
 fn undone() -> PriorChoice {
     let flat = photographs(&material(0.0), 4, &LightCorrection::default(), 0.15);
     let mut choice = PriorChoice::new(&flat, &material(0.0), true, &options());
-    choice.choose_lobes();
+    choice.end_round();
     choice
 }
 
@@ -189,7 +189,7 @@ fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
         let mut photographs = photographs(&truth, 5, &planted(), 0.02);
         let prior = chosen(&photographs, &material(0.0));
         let expected = [lobes == Some(brushed), lobes == Some(coated)];
-        assert_eq!([prior.anisotropic, prior.coated], expected, "{seed}: {prior:?}");
+        assert_eq!([prior.directions > 0, prior.coated], expected, "{seed}: {prior:?}");
         let estimated = fit(&mut photographs, prior, true).mean;
         let value = |i: usize| estimated.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
         for (i, expected) in lobes.unwrap_or(NO_LOBES).into_iter().enumerate() {

@@ -3,10 +3,10 @@
 //! All texels of all photographs constrain these eight numbers. A free fit of one photograph would instead
 //! compensate a wrong roughness by albedo and normals of each texel.
 //!
-//! The search is BFGS, because the renderer's adjoint gives the gradient. Gauss-Newton would need the
-//! derivatives of every residual.
+//! Adam searches with the gradient of the renderer's adjoint.
 
 use crate::Svbrdf;
+use crate::estimate::adam::Adam;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
@@ -20,10 +20,10 @@ type Gains = [f64; 8];
 const SIGMA: f64 = 0.6;
 /// Weight of their prior relative to the mean loss, divided by the number of photographs.
 const PRIOR_WEIGHT: f64 = 1e-2;
-/// Largest number of steps.
-const STEPS: usize = 20;
-/// Longest step.
-const MAX_STEP: f64 = 0.7;
+/// Number of steps, the first step size, and the decay of Adam's moments.
+const STEPS: usize = 24;
+const RATE: f32 = 0.12;
+const BETAS: [f32; 2] = [0.8, 0.9];
 /// Largest ratio of the losses with and without gains that accepts the gains.
 const BETTER_MAPS: f64 = 0.99;
 /// Largest roughness before the shift: its logit is infinite at 1.
@@ -35,12 +35,16 @@ const SLOPES: usize = 7;
 /// Applies the gains that explain the photographs best; returns whether they were accepted.
 pub(super) fn apply(maps: &mut Svbrdf, observations: &[Observation]) -> bool {
     let mut problem = Problem::new(maps, observations);
-    let mut search = Search::new(&mut problem);
-    let before = search.value;
-    search.run(&mut problem);
-    let better = search.value.is_finite() && search.value < BETTER_MAPS * before;
+    let (mut gains, mut adam) = ([0.0f32; 8], Adam::new(8));
+    let (before, mut gradient) = problem.evaluate(&[0.0; 8]);
+    let mut value = before;
+    for step in 0..STEPS {
+        let rate = RATE * (1.0 - step as f32 / STEPS as f32);
+        adam.step(&mut gains, &gradient.map(|g| g as f32), rate, BETAS);
+        (value, gradient) = problem.evaluate(&gains.map(f64::from));
+    }
+    let better = value < BETTER_MAPS * before;
     if better {
-        problem.apply(&search.at);
         std::mem::swap(maps, &mut problem.moved);
     }
     better
@@ -117,87 +121,6 @@ fn parameter(c: usize) -> usize {
         channel::ROUGHNESS => ROUGHNESS,
         _ => c - channel::DIFFUSE,
     }
-}
-
-/// BFGS (Nocedal and Wright, Numerical Optimization, eq. 6.17) with a backtracking line search.
-struct Search {
-    at: Gains,
-    value: f64,
-    gradient: Gains,
-    inverse: [[f64; 8]; 8],
-    settled: bool,
-}
-
-impl Search {
-    fn new(problem: &mut Problem<'_>) -> Self {
-        let at = [0.0; 8];
-        let (value, gradient) = problem.evaluate(&at);
-        let mut inverse = [[0.0; 8]; 8];
-        // The initial Hessian is the inverse variance of the gains.
-        for (i, row) in inverse.iter_mut().enumerate() {
-            row[i] = SIGMA * SIGMA;
-        }
-        Self { at, value, gradient, inverse, settled: !value.is_finite() }
-    }
-
-    fn run(&mut self, problem: &mut Problem<'_>) {
-        for _ in 0..STEPS {
-            if self.settled {
-                return;
-            }
-            self.step(problem);
-        }
-    }
-
-    fn step(&mut self, problem: &mut Problem<'_>) {
-        let mut direction = self.inverse.map(|row| -dot(&row, &self.gradient));
-        let longest = direction.iter().fold(0.0f64, |m, d| m.max(d.abs()));
-        if longest < 1e-4 {
-            self.settled = true;
-            return;
-        }
-        direction = direction.map(|d| d * (MAX_STEP / longest).min(1.0));
-        let slope = dot(&direction, &self.gradient);
-        let mut length = 1.0;
-        for _ in 0..6 {
-            let mut to = self.at;
-            to.iter_mut().zip(direction).for_each(|(t, d)| *t += length * d);
-            let (value, gradient) = problem.evaluate(&to);
-            if value <= self.value + 1e-3 * length * slope {
-                let mut moved = [0.0; 8];
-                let mut change = [0.0; 8];
-                for i in 0..8 {
-                    moved[i] = to[i] - self.at[i];
-                    change[i] = gradient[i] - self.gradient[i];
-                }
-                self.update(&moved, &change);
-                self.settled = self.value - value < 1e-4 * self.value;
-                (self.at, self.value, self.gradient) = (to, value, gradient);
-                return;
-            }
-            length *= 0.4;
-        }
-        self.settled = true;
-    }
-
-    fn update(&mut self, moved: &Gains, change: &Gains) {
-        let curvature = dot(moved, change);
-        if curvature <= 1e-12 {
-            return;
-        }
-        let image = self.inverse.map(|row| dot(&row, change));
-        let both = (1.0 + dot(change, &image) / curvature) / curvature;
-        for i in 0..8 {
-            for j in 0..8 {
-                self.inverse[i][j] += both * moved[i] * moved[j]
-                    - (image[i] * moved[j] + moved[i] * image[j]) / curvature;
-            }
-        }
-    }
-}
-
-fn dot(a: &Gains, b: &Gains) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -196,10 +196,6 @@ impl LatentFit {
         maps
     }
 
-    /// The maps of the code: averages of texels.
-    pub fn averages(&self) -> &Svbrdf {
-        self.code.maps()
-    }
 
     /// Steps done, and their total.
     pub fn work(&self) -> [usize; 2] {

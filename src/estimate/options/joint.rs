@@ -110,8 +110,8 @@ pub struct JointPrior {
     /// Scale of log residuals for noise and errors of the lobe: tails of highlights are 10 to 15 % off, alike
     /// over a sample.
     pub noise: f64,
-    /// Whether the specular lobe is anisotropic, alike within each class.
-    pub anisotropic: bool,
+    /// Number of directions of an anisotropic specular lobe: 0 (isotropic), 1 (alike for all texels) or 2.
+    pub directions: usize,
     /// Whether all texels have a coat.
     pub coated: bool,
 }
@@ -127,7 +127,7 @@ impl Default for JointPrior {
             specular: 0.02,
             roughness: 0.01,
             noise: 0.3,
-            anisotropic: false,
+            directions: 0,
             coated: false,
         }
     }

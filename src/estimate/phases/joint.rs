@@ -53,13 +53,13 @@ impl Work for Choice {
             specular,
             roughness,
             noise,
-            anisotropic,
+            directions,
             coated,
         } = self.chosen?;
         Some(format!(
             "{relief:.2} of the relief, sigmas between classes {between:.3}, of slopes {slope:.3}, specular {specular:.3}, \
              roughness {roughness:.3}, noise {noise:.2}{}{}",
-            if anisotropic { ", anisotropic" } else { "" },
+            ["", ", anisotropic", ", anisotropic in two directions"][directions.min(2)],
             if coated { ", coated" } else { "" },
         ))
     }

@@ -2,8 +2,7 @@
 
 use super::work::{Context, Done, Work};
 use crate::Result;
-use crate::estimate::budget::{Shown, predicted_change};
-use crate::estimate::latent::LatentFit;
+use crate::estimate::budget::Trend;
 use crate::estimate::map_state::MapState;
 use crate::estimate::task::EarlyStop;
 
@@ -13,8 +12,7 @@ const FRACTION: f32 = 0.5;
 /// Steps of the latent code.
 #[derive(Default)]
 pub struct Phase {
-    /// The maps before the latest step, as 8-bit files show them.
-    previous: Option<Shown>,
+    trend: Option<Trend>,
     fraction: f32,
 }
 
@@ -44,9 +42,11 @@ impl Work for Phase {
             let report = latent.step(context.photographs)?;
             context.meter.count();
             *context.loss = report.loss as f32;
-            let invisible = !report.settled
-                && context.meter.budget.stop_when_invisible
-                && is_still(latent, &mut self.previous);
+            let [done, steps] = latent.work();
+            let trend = self.trend.get_or_insert_with(|| Trend::new(steps, 1));
+            let invisible = trend.is_flat(done, report.loss)
+                && !report.settled
+                && context.meter.budget.stop_when_invisible;
             if invisible {
                 *context.early_stop = Some(EarlyStop::Invisible);
                 latent.count_as_fitted();
@@ -61,13 +61,4 @@ impl Work for Phase {
         }
         Ok(Done::new(ended, [before, f64::from(*context.loss)]))
     }
-}
-
-/// Whether the remaining steps are invisible. `previous` has the maps before the latest step.
-fn is_still(latent: &LatentFit, previous: &mut Option<Shown>) -> bool {
-    let [done, steps] = latent.work();
-    let now = Shown::of(latent.averages());
-    let change = previous.as_ref().map(|before| now.visible_change(before));
-    *previous = Some(now);
-    change.is_some_and(|c| predicted_change(c, done as u32, steps as u32) < 1.0)
 }
