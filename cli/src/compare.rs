@@ -39,8 +39,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ("diffuse_delta_e00", d.diffuse_delta_e),
         ("specular_delta_e00", d.specular_delta_e),
     ];
-    let lobes =
-        [("anisotropy", d.anisotropy), ("coat", d.coat), ("coat_roughness", d.coat_roughness)];
+    let lobes = [
+        ("anisotropy", d.anisotropy),
+        ("coat", d.coat),
+        ("coat_roughness", d.coat_roughness),
+        ("sheen", d.sheen),
+        ("sheen_roughness", d.sheen_roughness),
+    ];
     results.extend(lobes.into_iter().filter_map(|(name, value)| Some((name, value?))));
     if arguments.json {
         let object: serde_json::Map<_, _> =

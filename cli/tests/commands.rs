@@ -171,14 +171,14 @@ fn boards_are_to_scale() {
     assert!(status == 2 && message.contains(".svg"), "{message}");
 }
 
-/// Brushed and lacquered maps, through the commands that read and write them.
+/// Brushed, lacquered and velvety maps, through the commands that read and write them.
 #[test]
 fn lobes_go_through_every_command() {
     let dir = tempfile::tempdir().unwrap();
     let [source, plain, out] = ["maps", "plain", "out"].map(|name| dir.path().join(name));
     let mut known = maps(32);
     write_maps(&plain, &known, &MapsOptions::default()).unwrap();
-    let lobes = [0.5, -0.7, 0.8, 0.3].map(|v| vec![v; known.texels()]);
+    let lobes = [0.5, -0.7, 0.8, 0.3, 0.3, 0.2, 0.0, 0.6].map(|v| vec![v; known.texels()]);
     known.set_lobes(lobes.concat()).unwrap();
     write_maps(&source, &known, &MapsOptions::default()).unwrap();
     let export = ["export", text(&source), "--format", "usdz,glb", "--out", text(&out)];
@@ -186,7 +186,12 @@ fn lobes_go_through_every_command() {
     let said = String::from_utf8(exported.unwrap().stderr).unwrap();
     let remarks: Vec<&str> = said.lines().filter(|line| line.contains("anisotropy")).collect();
     assert!(remarks.len() == 1 && remarks[0].starts_with("usdz"), "{said}");
-    for (faults, texture) in [(&[][..], "coat.png"), (&["--real"], "anisotropy.png")] {
+    let options: [(&[&str], &str); 3] = [
+        (&[], "coat.png"),
+        (&["--real"], "anisotropy.png"),
+        (&["--real", "--lobe", "sheen"], "sheen_roughness.png"),
+    ];
+    for (faults, texture) in options {
         let capture = dir.path().join(texture);
         let simulate = ["simulate", text(&source), "--out", text(&capture), "--rectified"];
         succeed(&[&simulate, &["--frames", "1"][..], faults].concat());
@@ -198,7 +203,8 @@ fn lobes_go_through_every_command() {
     };
     let same = compare(&dir.path().join("coat.png/truth"));
     let near = |name: &str| same[name].as_f64().unwrap() < 1e-5;
-    assert!(["render", "anisotropy", "coat", "coat_roughness"].into_iter().all(near), "{same}");
+    let names = ["render", "anisotropy", "coat", "coat_roughness", "sheen", "sheen_roughness"];
+    assert!(names.into_iter().all(near), "{same}");
     let other = compare(&plain);
     assert!(other["anisotropy"].is_null() && other["render"].as_f64().unwrap() > 1e-3, "{other}");
 }

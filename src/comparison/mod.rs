@@ -49,6 +49,10 @@ pub struct Differences {
     pub coat: Option<f64>,
     /// Roughness of the coat, under the same condition.
     pub coat_roughness: Option<f64>,
+    /// Linear colour of the sheen; `None` unless both materials have sheen.
+    pub sheen: Option<f64>,
+    /// Roughness of the sheen, under the same condition.
+    pub sheen_roughness: Option<f64>,
 }
 
 /// Compares maps of equal size.
@@ -64,6 +68,7 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
     let coat = a.coat().zip(b.coat());
     let of_coat =
         |plane: usize| coat.map(|(a, b)| rms(squares(a[plane], b[plane]), a[plane].len()));
+    let sheen = a.sheen().zip(b.sheen());
     Ok(Differences {
         normal: normals(a, b),
         diffuse: planes(a.diffuse(), b.diffuse()),
@@ -79,6 +84,8 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         }),
         coat: of_coat(0),
         coat_roughness: of_coat(1),
+        sheen: sheen.map(|([r, g, b, _], [r1, g1, b1, _])| planes([r, g, b], [r1, g1, b1])),
+        sheen_roughness: sheen.map(|([.., a], [.., b])| planes([a], [b])),
     })
 }
 
@@ -226,7 +233,6 @@ pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::svbrdf::LOBES;
 
     fn photograph(of: &Svbrdf, factor: f32) -> Observation {
         let view = View {
@@ -330,22 +336,28 @@ mod tests {
     /// Lobes are compared if both have them, and affect the renderings if one has.
     #[test]
     fn lobes_differ_by_their_parameters() {
-        let with = |lobes: [f32; LOBES]| {
+        let with = |lobes: &[f32]| {
             let mut maps = flat(0.4);
             let planes = lobes.iter().flat_map(|v| vec![*v; maps.texels()]).collect();
             maps.set_lobes(planes).unwrap();
             maps
         };
-        let (brushed, lacquered) = (with([0.9, 0.0, 0.0, 0.2]), with([0.0, 0.0, 0.8, 0.2]));
-        let d = compare(&brushed, &with([0.9, 0.3, 0.0, 0.2])).unwrap();
+        let (brushed, lacquered) = (with(&[0.9, 0.0, 0.0, 0.2]), with(&[0.0, 0.0, 0.8, 0.2]));
+        let d = compare(&brushed, &with(&[0.9, 0.3, 0.0, 0.2])).unwrap();
         assert!((d.anisotropy.unwrap() - 0.3 / 2f64.sqrt()).abs() < 1e-6 && d.coat.is_none());
-        let d = compare(&lacquered, &with([0.0, 0.0, 0.5, 0.3])).unwrap();
+        let d = compare(&lacquered, &with(&[0.0, 0.0, 0.5, 0.3])).unwrap();
         let [weight, roughness] = [d.coat.unwrap(), d.coat_roughness.unwrap()];
         assert!(
             (weight - 0.3).abs() < 1e-6 && (roughness - 0.1).abs() < 1e-6 && d.anisotropy.is_none()
         );
         let d = compare(&lacquered, &flat(0.4)).unwrap();
         assert!(d.render > 1e-3 && d.coat.is_none() && d.diffuse == 0.0);
+        let velvet = with(&[0.0, 0.0, 0.0, 0.2, 0.3, 0.1, 0.0, 0.5]);
+        let d = compare(&velvet, &with(&[0.0, 0.0, 0.0, 0.2, 0.3, 0.1, 0.3, 0.4])).unwrap();
+        assert!((d.sheen.unwrap() - 0.3 / 3f64.sqrt()).abs() < 1e-6 && d.coat.is_none());
+        assert!((d.sheen_roughness.unwrap() - 0.1).abs() < 1e-6);
+        let d = compare(&velvet, &flat(0.4)).unwrap();
+        assert!(d.render > 1e-3 && d.sheen.is_none());
     }
 
     #[test]

@@ -26,12 +26,16 @@ const OTHERS: [&str; 7] = [
 ];
 
 /// Channels of the optional lobes: direction of the larger alpha and glTF's strength; weight and
-/// roughness of a coat. Roughness is then the roughness across the direction.
+/// roughness of a coat; colour and roughness of sheen. With anisotropy, the roughness of the specular lobe is
+/// the roughness across the direction.
 const ANISOTROPY: [&str; 3] = ["anisotropy.X", "anisotropy.Y", "anisotropy.strength"];
 const COAT: [&str; 2] = ["coat.weight", "coat.roughness"];
+const SHEEN: [&str; 4] = ["sheen.R", "sheen.G", "sheen.B", "sheen.roughness"];
 
-/// Names of the files that [`write_maps`] writes only for materials with these lobes.
-pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
+/// Names of the files that [`write_maps`] writes only for materials with these lobes: anisotropy, coat, colour
+/// and roughness of sheen.
+pub const LOBE_FILES: [&str; 4] =
+    ["anisotropy.png", "coat.png", "sheen.png", "sheen_roughness.png"];
 
 /// Channels with the standard deviations, in the order of [`Uncertainty::planes`].
 const DEVIATIONS: [&str; 4] =
@@ -56,7 +60,9 @@ pub struct MapsOptions<'a> {
 /// `KHR_materials_anisotropy`: R, G the direction, (d + 1) / 2, B the strength) and the channels
 /// `anisotropy.X/Y/strength`. The roughness of the files is then that across the direction, with `alpha along
 /// = mix(roughness², 1, strength²)`. A coat adds `coat.png` (16-bit, linear, as glTF's clear-coat textures: R
-/// weight, G roughness) and the channels `coat.weight/roughness`. Such files of earlier maps are removed.
+/// weight, G roughness) and the channels `coat.weight/roughness`. Sheen adds `sheen.png` (16-bit, sRGB curve)
+/// and `sheen_roughness.png` (16-bit gray, linear), as in glTF's `KHR_materials_sheen`, and the channels
+/// `sheen.R/G/B/roughness`. Such files of earlier maps are removed.
 ///
 /// # Errors
 /// [`Error::Io`] with the file that cannot be written; [`Error::Argument`] if a length is not positive or the
@@ -120,6 +126,10 @@ fn pictures(
     textures.extend(maps.coat().map(|[weight, roughness]| {
         ("coat", Texture::data(w, h, |i| [weight[i], roughness[i], 0.0]))
     }));
+    if let Some([r, g, b, roughness]) = maps.sheen() {
+        textures.push(("sheen", Texture::colour(w, h, |i| [r[i], g[i], b[i]])));
+        textures.push(("sheen_roughness", Texture::gray(w, h, |i| roughness[i])));
+    }
     let files = parallel::map(textures.len(), |i| {
         let (name, texture) = &textures[i];
         Ok((format!("{name}.png"), texture.encode(TextureFormat::Png16, density)?))
@@ -158,9 +168,9 @@ fn floats(
         planes.push((y, lobes.iter().map(|lobe| lobe.direction()[1]).collect()));
         planes.push((strength, lobes.iter().map(Anisotropy::strength).collect()));
     }
-    for (name, plane) in COAT.into_iter().zip(maps.coat().into_iter().flatten()) {
-        planes.push((name, plane.to_vec()));
-    }
+    let coat = COAT.into_iter().zip(maps.coat().into_iter().flatten());
+    let sheen = SHEEN.into_iter().zip(maps.sheen().into_iter().flatten());
+    planes.extend(coat.chain(sheen).map(|(name, plane)| (name, plane.to_vec())));
     if let Some(uncertainty) = uncertainty {
         for (name, plane) in DEVIATIONS.into_iter().zip(uncertainty.planes().chunks_exact(w * h)) {
             planes.push((name, plane.to_vec()));
@@ -195,8 +205,8 @@ pub fn read_sample_mm(dir: impl AsRef<Path>) -> Result<Option<[f32; 2]>> {
 }
 
 /// Reads maps from a folder: `maps.exr`, or else the four pictures `normal`, `diffuse`, `specular` and
-/// `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`], and `anisotropy` and `coat`
-/// if present. Clamps values to their physical range, see [`Svbrdf::clamp`].
+/// `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`], and if present `anisotropy`,
+/// `coat`, and `sheen` with `sheen_roughness`. Clamps values to their physical range, see [`Svbrdf::clamp`].
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Image`] with a file that is missing, damaged or of another size;
@@ -211,8 +221,8 @@ pub fn read_maps(dir: impl AsRef<Path>) -> Result<Svbrdf> {
 
 fn read_float(path: &Path) -> Result<Svbrdf> {
     let mut file = read_channels(path)?;
-    let [has_anisotropy, has_coat] =
-        [ANISOTROPY[2], COAT[0]].map(|name| file.planes.contains_key(name));
+    let [has_anisotropy, has_coat, has_sheen] =
+        [ANISOTROPY[2], COAT[0], SHEEN[0]].map(|name| file.planes.contains_key(name));
     let mut take = |name: &str| take(&mut file, path, name);
     let normal = [take(NORMAL[0])?, take(NORMAL[1])?, take(NORMAL[2])?];
     let n = normal[0].len();
@@ -223,15 +233,20 @@ fn read_float(path: &Path) -> Result<Svbrdf> {
     for name in OTHERS {
         planes.extend(take(name)?);
     }
-    let anisotropy = if has_anisotropy {
+    let mut lobes = StoredLobes::default();
+    if has_anisotropy {
         let [x, y, strength] = ANISOTROPY;
-        Some([take(x)?, take(y)?, take(strength)?])
-    } else {
-        None
-    };
-    let coat = if has_coat { Some([take(COAT[0])?, take(COAT[1])?]) } else { None };
+        lobes.anisotropy = Some([take(x)?, take(y)?, take(strength)?]);
+    }
+    if has_coat {
+        lobes.coat = Some([take(COAT[0])?, take(COAT[1])?]);
+    }
+    if has_sheen {
+        let [r, g, b, roughness] = SHEEN;
+        lobes.sheen = Some([take(r)?, take(g)?, take(b)?, take(roughness)?]);
+    }
     let mut maps = Svbrdf::from_planes(file.width, file.height, planes)?;
-    add_lobes(&mut maps, anisotropy, coat)?;
+    lobes.add_to(&mut maps)?;
     Ok(maps)
 }
 
@@ -250,36 +265,46 @@ fn take(file: &mut Channels, path: &Path, name: &str) -> Result<Vec<f32>> {
     })
 }
 
-/// Adds the lobes of the files to maps: direction and strength, weight and roughness. With
-/// anisotropy, the maps still hold the roughness across the direction.
-fn add_lobes(
-    maps: &mut Svbrdf,
+/// Lobes of the files.
+#[derive(Default)]
+struct StoredLobes {
+    /// Direction and strength.
     anisotropy: Option<[Vec<f32>; 3]>,
+    /// Weight and roughness.
     coat: Option<[Vec<f32>; 2]>,
-) -> Result<()> {
-    if anisotropy.is_none() && coat.is_none() {
-        return Ok(());
-    }
-    let n = maps.texels();
-    let mut planes = Vec::with_capacity(LOBES * n);
-    for none in NO_LOBES {
-        planes.resize(planes.len() + n, none as f32);
-    }
-    let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
-    if let Some([x, y, strength]) = anisotropy {
-        let roughness = maps.roughness_mut();
-        for i in 0..n {
-            let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
-            if strength[i] > 0.0 {
-                (roughness[i], [planes[x0 + i], planes[y0 + i]]) = stored.parameters();
+    /// Linear colour and roughness.
+    sheen: Option<[Vec<f32>; 4]>,
+}
+
+impl StoredLobes {
+    /// Adds the lobes to maps. With anisotropy, the maps still hold the roughness across the direction.
+    fn add_to(self, maps: &mut Svbrdf) -> Result<()> {
+        let Self { anisotropy, coat, sheen } = self;
+        if anisotropy.is_none() && coat.is_none() && sheen.is_none() {
+            return Ok(());
+        }
+        let n = maps.texels();
+        let count = if sheen.is_some() { LOBES } else { lobe::SHEEN };
+        let mut planes = Vec::with_capacity(count * n);
+        for none in &NO_LOBES[..count] {
+            planes.resize(planes.len() + n, *none as f32);
+        }
+        let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
+        if let Some([x, y, strength]) = anisotropy {
+            let roughness = maps.roughness_mut();
+            for i in 0..n {
+                let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
+                if strength[i] > 0.0 {
+                    (roughness[i], [planes[x0 + i], planes[y0 + i]]) = stored.parameters();
+                }
             }
         }
+        let coat = coat.into_iter().flatten().zip(lobe::COAT..);
+        for (plane, at) in coat.chain(sheen.into_iter().flatten().zip(lobe::SHEEN..)) {
+            planes[at * n..][..n].copy_from_slice(&plane);
+        }
+        maps.set_lobes(planes)
     }
-    if let Some([weight, roughness]) = coat {
-        planes[lobe::COAT * n..][..n].copy_from_slice(&weight);
-        planes[lobe::COAT_ROUGHNESS * n..][..n].copy_from_slice(&roughness);
-    }
-    maps.set_lobes(planes)
 }
 
 /// `n.x / n.z`, limited for normals at or below the horizon.
@@ -305,29 +330,40 @@ fn read_pictures(dir: &Path) -> Result<Svbrdf> {
     let specular = read(find_picture(dir, "specular")?)?;
     let roughness = read(find_picture(dir, "roughness")?)?;
     let mut lobe = |stem| picture_path(dir, stem).map(&mut read).transpose();
-    let (anisotropy, coat) = (lobe("anisotropy")?, lobe("coat")?);
+    let (anisotropy, coat, sheen) = (lobe("anisotropy")?, lobe("coat")?, lobe("sheen")?);
+    let sheen = match sheen {
+        Some(colour) => Some((colour, read(find_picture(dir, "sheen_roughness")?)?)),
+        None => None,
+    };
     let (width, height) = size.expect("set by the first picture");
     let mut planes = Vec::with_capacity(CHANNELS * width * height);
     for axis in 0..2 {
         let texels = normal.as_chunks::<3>().0.iter();
         planes.extend(texels.map(|p| slope(2.0 * p[axis] - 1.0, 2.0 * p[2] - 1.0)));
     }
-    for picture in [&diffuse, &specular] {
-        for c in 0..3 {
-            let texels = picture.as_chunks::<3>().0.iter();
-            planes.extend(texels.map(|p| Encoding::Srgb.decode(f64::from(p[c])) as f32));
-        }
-    }
     let plane = |rgb: &[f32], c: usize| -> Vec<f32> {
         rgb.as_chunks::<3>().0.iter().map(|p| p[c]).collect()
     };
+    let colour = |rgb: &[f32], c: usize| -> Vec<f32> {
+        let mut plane = plane(rgb, c);
+        plane.iter_mut().for_each(|v| *v = Encoding::Srgb.decode(f64::from(*v)) as f32);
+        plane
+    };
+    for picture in [&diffuse, &specular] {
+        (0..3).for_each(|c| planes.extend(colour(picture, c)));
+    }
     planes.extend(plane(&roughness, 0));
     let mut maps = Svbrdf::from_planes(width, height, planes)?;
     let anisotropy = anisotropy.map(|rgb| {
         let [x, y] = [0, 1].map(|c| plane(&rgb, c).into_iter().map(|v| 2.0 * v - 1.0).collect());
         [x, y, plane(&rgb, 2)]
     });
-    add_lobes(&mut maps, anisotropy, coat.map(|rgb| [0, 1].map(|c| plane(&rgb, c))))?;
+    let coat = coat.map(|rgb| [0, 1].map(|c| plane(&rgb, c)));
+    let sheen = sheen.map(|(rgb, gray)| {
+        let [r, g, b] = [0, 1, 2].map(|c| colour(&rgb, c));
+        [r, g, b, plane(&gray, 0)]
+    });
+    StoredLobes { anisotropy, coat, sheen }.add_to(&mut maps)?;
     Ok(maps)
 }
 

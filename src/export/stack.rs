@@ -6,13 +6,14 @@ use crate::parallel;
 use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 
 /// Channels of the normal, diffuse, specular and roughness maps, and of the optional lobes.
-const MAPS: [std::ops::Range<usize>; 6] = [
+const MAPS: [std::ops::Range<usize>; 7] = [
     channel::SLOPE_X..channel::DIFFUSE,
     channel::DIFFUSE..channel::SPECULAR,
     channel::SPECULAR..channel::ROUGHNESS,
     channel::ROUGHNESS..CHANNELS,
     CHANNELS + lobe::ANISOTROPY_X..CHANNELS + lobe::COAT,
-    CHANNELS + lobe::COAT..CHANNELS + LOBES,
+    CHANNELS + lobe::COAT..CHANNELS + lobe::SHEEN,
+    CHANNELS + lobe::SHEEN..CHANNELS + LOBES,
 ];
 
 /// Lower limit of the mean difference of neighbours.
@@ -52,7 +53,7 @@ impl Stack {
         }
         let lobes = data.split_off(CHANNELS * n);
         let mut maps = Svbrdf::from_planes(self.width, self.height, data).expect("nine planes");
-        maps.set_lobes(lobes).expect("none, or four planes");
+        maps.set_lobes(lobes).expect("as many planes as before");
         maps.clamp();
         maps
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, channel, lobe};
+use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, MIN_SHEEN_ROUGHNESS, channel, lobe};
 use crate::test_support::picture;
 use crate::{Error, Svbrdf};
 
@@ -55,7 +55,7 @@ fn maps_come_back_from_floats_and_from_pictures() {
     assert_eq!(normal.color(), image::ColorType::Rgb16);
 }
 
-/// The maps with varying lobes: ratios of both alphas up to 4, a coat on the last two thirds.
+/// The maps with varying lobes: ratios of both alphas up to 4, a coat on the last two thirds, sheen on the first.
 fn lobed(width: usize, height: usize) -> Svbrdf {
     let mut maps = varied(width, height);
     let n = maps.texels();
@@ -70,6 +70,10 @@ fn lobed(width: usize, height: usize) -> Svbrdf {
         lobes[lobe::ANISOTROPY_Y * n + i] = ratio * turn.sin();
         lobes[lobe::COAT * n + i] = if i < n / 3 { 0.0 } else { t };
         lobes[lobe::COAT_ROUGHNESS * n + i] = MIN_ROUGHNESS + 0.9 * t;
+        for c in 0..3 {
+            lobes[(lobe::SHEEN + c) * n + i] = if i < n / 3 { 0.3 * t * c as f32 } else { 0.0 };
+        }
+        lobes[lobe::SHEEN_ROUGHNESS * n + i] = MIN_SHEEN_ROUGHNESS + 0.9 * t;
     }
     maps.set_lobes(lobes).unwrap();
     maps.clamp();
@@ -101,7 +105,7 @@ fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     };
     compare(&read_maps(dir.path()).unwrap(), [1e-6, 2e-3, 0.0], "floats");
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
-    compare(&read_maps(dir.path()).unwrap(), [1e-4, 5e-3, 1e-5], "pictures");
+    compare(&read_maps(dir.path()).unwrap(), [1e-4, 5e-3, 2e-5], "pictures");
     // As in glTF: the first anisotropic texel, where the alpha along the direction is mixed.
     let stored = picture(dir.path().join("anisotropy.png")).into_rgb32f();
     let across = picture(dir.path().join("roughness.png")).into_luma16();
@@ -149,6 +153,10 @@ fn textures_of_eight_bits_are_read() {
     write("roughness.png", [77; 3]); // alpha across 0.0912
     write("anisotropy.png", [218, 218, 128]); // along the diagonal up, strength 0.502
     write("coat.png", [255, 51, 0]);
+    write("sheen.png", [188, 0, 255]);
+    let fault = read_maps(dir.path()).unwrap_err().to_string();
+    assert!(fault.contains("sheen_roughness"), "{fault}");
+    write("sheen_roughness.png", [102; 3]);
     let maps = read_maps(dir.path()).unwrap();
     let at = |lobe: usize| maps.lobe(lobe).unwrap()[3];
     let across = (77f32 / 255.0).powi(2);
@@ -157,6 +165,11 @@ fn textures_of_eight_bits_are_read() {
     assert!(at(lobe::ANISOTROPY_X).abs() < 1e-4);
     assert!((maps.roughness()[3] - (along * across).powf(0.25)).abs() < 1e-6);
     assert_eq!((at(lobe::COAT), at(lobe::COAT_ROUGHNESS)), (1.0, 0.2));
+    assert!((at(lobe::SHEEN) - 0.503).abs() < 1e-3, "{}", at(lobe::SHEEN));
+    assert_eq!(
+        [at(lobe::SHEEN + 1), at(lobe::SHEEN + 2), at(lobe::SHEEN_ROUGHNESS)],
+        [0.0, 1.0, 0.4]
+    );
 }
 
 /// Both kinds of files state the size of the sample; other files do not.

@@ -2,10 +2,10 @@
 
 use super::directions::{Directions, dot};
 use super::microfacets::{Gloss, Microfacets};
-use super::optional::{Optional, OptionalLobes};
+use super::optional::{LobeParameters, Optional, OptionalLobes};
 use super::scalar::{FRESNEL, MIN_COSINE};
 use crate::simd::Lanes;
-use crate::svbrdf::{CHANNELS, LOBES, channel};
+use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 use std::f32::consts::FRAC_1_PI;
 
 /// Parameters of eight texels, precomputed for any number of views.
@@ -21,10 +21,9 @@ pub(crate) struct Material<V> {
 }
 
 impl<V: Lanes> Material<V> {
-    /// Takes parameters in the order of [`channel`], and those of optional lobes in the order of
-    /// [`lobe`](crate::svbrdf::lobe).
+    /// Takes parameters in the order of [`channel`], and those of optional lobes.
     #[inline(always)]
-    pub fn new(parameters: &[V; CHANNELS], optional: Option<[V; LOBES]>) -> Self {
+    pub fn new(parameters: &[V; CHANNELS], optional: Option<LobeParameters<V>>) -> Self {
         let one = V::splat(1.0);
         let [p, q] = [parameters[channel::SLOPE_X], parameters[channel::SLOPE_Y]];
         let inverse_length = p.mul_add(p, q.mul_add(q, one)).reciprocal_sqrt();
@@ -61,9 +60,9 @@ pub(crate) struct Lobes<V> {
     cosines: [V; 3],
     raw: [V; 3],
     base: Microfacets<V>,
-    /// D G / (4 NoL NoV), reduced by the coat.
+    /// D G / (4 NoL NoV), reduced by coat and sheen.
     pub specular: V,
-    /// 1 / pi, reduced by the coat.
+    /// 1 / pi, reduced by coat and sheen.
     pub diffuse: V,
     /// 1 - fresnel.
     pub one_minus_fresnel: V,
@@ -94,7 +93,7 @@ impl<V: Lanes> Lobes<V> {
         if let Some(material) = &material.optional {
             let own = OptionalLobes::new(material, n, directions, cosines, sin2);
             across = raw[2].if_greater(least, own.stretched, behind);
-            through = own.through;
+            through = own.through_all;
             optional = Some(own);
         }
         let base = Microfacets::new(&material.gloss, cosines, across);
@@ -117,13 +116,19 @@ impl<V: Lanes> Lobes<V> {
         specular_albedo.mul_add(self.one_minus_fresnel, self.fresnel)
     }
 
+    /// Reflection of the base in a colour channel, and its Fresnel term.
+    #[inline(always)]
+    fn below(&self, material: &Material<V>, c: usize) -> (V, V) {
+        let fresnel = self.fresnel(material.specular[c]);
+        (fresnel.mul_add(self.specular, material.diffuse[c] * self.diffuse), fresnel)
+    }
+
     /// BRDF of a colour channel, and its Fresnel term.
     #[inline(always)]
     pub fn brdf(&self, material: &Material<V>, c: usize) -> (V, V) {
-        let fresnel = self.fresnel(material.specular[c]);
-        let below = fresnel.mul_add(self.specular, material.diffuse[c] * self.diffuse);
+        let (below, fresnel) = self.below(material, c);
         match &self.optional {
-            Some(optional) => (below + optional.coat, fresnel),
+            Some(optional) => (below + optional.above[c], fresnel),
             None => (below, fresnel),
         }
     }
@@ -134,7 +139,8 @@ impl<V: Lanes> Lobes<V> {
         self.base.log_by_roughness(&material.gloss, self.cosines)
     }
 
-    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight * irradiance`.
+    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight * irradiance`
+    /// where coat and sheen transmit the same.
     #[inline(always)]
     pub fn by_normal(
         &self,
@@ -163,38 +169,85 @@ impl<V: Lanes> Lobes<V> {
         }
     }
 
-    /// Derivative of the coat's reflection by the unit normal; `None` without a coat.
+    /// Derivative by the unit normal of each colour's BRDF, as far as it is due to the optional lobes:
+    /// reflection of coat and sheen, and dimming of the base by sheen. `None` without optional lobes.
     #[inline(always)]
-    pub fn coat_by_normal(
+    pub fn above_by_normal(
         &self,
         material: &Material<V>,
         directions: &Directions<V>,
-    ) -> Option<[V; 3]> {
-        let (optional, material) = (self.optional.as_ref()?, material.optional.as_ref()?);
-        let [l, v, h] = optional.microfacets.log_by_cosines(&material.gloss, self.cosines);
-        let coat = optional.coat;
-        Some(self.of_cosines(directions, [coat * l, coat * v, coat * h]))
+    ) -> Option<[[V; 3]; 3]> {
+        let (own, optional) = (self.optional.as_ref()?, material.optional.as_ref()?);
+        let mut coat = own.microfacets.log_by_cosines(&optional.gloss, self.cosines);
+        for by in &mut coat {
+            *by = own.coat * *by;
+        }
+        if own.sheen.is_none() {
+            return Some([self.of_cosines(directions, coat); 3]);
+        }
+        let mut out = [coat; 3];
+        for (c, out) in out.iter_mut().enumerate() {
+            let by = self.by_cosines_above(material, own, coat, c);
+            *out = self.of_cosines(directions, by);
+        }
+        Some(out)
     }
 
-    /// Derivatives of the BRDF by the parameters of the optional lobes, in the order of
-    /// [`lobe`](crate::svbrdf::lobe), for a BRDF with this value and Fresnel term.
+    /// Adds a colour's derivatives by NoL, NoV and NoH that are due to sheen to those of the coat.
     #[inline(always)]
-    pub fn by_lobes(&self, material: &Material<V>, (brdf, fresnel): (V, V)) -> [V; LOBES] {
+    fn by_cosines_above(
+        &self,
+        material: &Material<V>,
+        own: &OptionalLobes<V>,
+        coat: [V; 3],
+        c: usize,
+    ) -> [V; 3] {
+        let Some(sheen) = &own.sheen else { return coat };
+        let mut out = coat;
+        let (gleam, below) = (own.above[c] - own.coat, self.below(material, c).0);
+        for (out, by) in out.iter_mut().zip(sheen.log_by_cosines) {
+            *out = gleam.mul_add(by, *out);
+        }
+        for (out, by) in out.iter_mut().zip(sheen.log_through_by_cosines) {
+            *out = below.mul_add(by, *out);
+        }
+        out
+    }
+
+    /// Derivatives of a colour's BRDF by the parameters of the optional lobes, in the order of
+    /// [`lobe`](crate::svbrdf::lobe), for a BRDF with this value and Fresnel term. Those by sheen are zero for
+    /// materials without planes of sheen.
+    #[inline(always)]
+    pub fn by_lobes(
+        &self,
+        material: &Material<V>,
+        c: usize,
+        (brdf, fresnel): (V, V),
+    ) -> [V; LOBES] {
         let (zero, least) = (V::splat(0.0), V::splat(MIN_COSINE));
-        let (Some(own), Some(optional)) = (&self.optional, &material.optional) else {
-            return [zero; LOBES];
-        };
+        let mut out = [zero; LOBES];
+        let (Some(own), Some(optional)) = (&self.optional, &material.optional) else { return out };
         let by_sin2 = fresnel * self.specular * self.base.log_by_sin2();
         let by_sin2 = self.raw[2].if_greater(least, by_sin2, zero);
         let [u, v] = own.stretched_by_anisotropy(optional);
         let below = (brdf - own.coat) * own.through.reciprocal();
         let by_roughness = own.microfacets.log_by_roughness(&optional.gloss, self.cosines);
-        [
-            by_sin2 * u,
-            by_sin2 * v,
-            own.fresnel * (own.microfacets.value - below),
-            own.coat * by_roughness,
-        ]
+        out[lobe::ANISOTROPY_X] = by_sin2 * u;
+        out[lobe::ANISOTROPY_Y] = by_sin2 * v;
+        out[lobe::COAT] = own.fresnel * (own.microfacets.value - below);
+        out[lobe::COAT_ROUGHNESS] = own.coat * by_roughness;
+        if let (Some(own_sheen), Some(sheen)) = (&own.sheen, &optional.sheen) {
+            // The base below sheen and coat, undimmed by the sheen.
+            let base = (brdf - own.above[c]) * own_sheen.through.reciprocal();
+            let [by_roughness, albedo_by_roughness] = own_sheen.by_roughness(sheen);
+            for (out, is_most) in out[lobe::SHEEN..].iter_mut().zip(sheen.is_most) {
+                *out = -(base * own_sheen.albedo * is_most);
+            }
+            out[lobe::SHEEN + c] += own.through * own_sheen.value;
+            out[lobe::SHEEN_ROUGHNESS] =
+                (own.above[c] - own.coat) * by_roughness - base * sheen.most * albedo_by_roughness;
+        }
+        out
     }
 
     /// Derivative by the unit normal from those by NoL, NoV and NoH.
@@ -222,9 +275,9 @@ pub(crate) struct ByLight<V> {
     pub log_specular: [V; 3],
     /// Of the Fresnel power.
     pub fresnel: [V; 3],
-    /// Of the coat's reflection without its Fresnel term, which varies by a thousandth
-    /// between all positions of a flash beside the lens.
-    pub coat: [V; 3],
+    /// Of each colour's BRDF, as far as it is due to the optional lobes, without the coat's Fresnel term,
+    /// which varies by a thousandth between all positions of a flash beside the lens.
+    pub above: [[V; 3]; 3],
 }
 
 impl<V: Lanes> Lobes<V> {
@@ -242,7 +295,7 @@ impl<V: Lanes> Lobes<V> {
         let nh = dot(n, h);
         let [by_nl, _, by_nh] = self.base.log_by_cosines(&material.gloss, self.cosines);
         let mut half = [by_nh * n[0], by_nh * n[1], by_nh * n[2]];
-        let mut coat = [zero; 3];
+        let mut above = [[zero; 3]; 3];
         if let (Some(own), Some(optional)) = (&self.optional, &material.optional) {
             let by_sin2 = self.base.log_by_sin2();
             let by_nh = by_nh - by_sin2 * self.cosines[2] * V::splat(-2.0);
@@ -250,15 +303,21 @@ impl<V: Lanes> Lobes<V> {
             for i in 0..3 {
                 half[i] = by_sin2.mul_add(stretched[i], by_nh * n[i]);
             }
-            let [l, _, by_nh] = own.microfacets.log_by_cosines(&optional.gloss, self.cosines);
-            let by_nh = self.raw[2].if_greater(least, by_nh * turn, zero);
-            for i in 0..3 {
-                coat[i] = own.coat * (l * live).mul_add(n[i], by_nh * (n[i] - nh * h[i]));
+            let mut coat = own.microfacets.log_by_cosines(&optional.gloss, self.cosines);
+            for by in &mut coat {
+                *by = own.coat * *by;
+            }
+            for (c, above) in above.iter_mut().enumerate() {
+                let [by_nl, _, by_nh] = self.by_cosines_above(material, own, coat, c);
+                let by_nh = self.raw[2].if_greater(least, by_nh * turn, zero);
+                for (i, above) in above.iter_mut().enumerate() {
+                    *above = (by_nl * live).mul_add(n[i], by_nh * (n[i] - nh * h[i]));
+                }
             }
         }
         let along = dot(half, h);
         let turned = self.raw[2].if_greater(least, turn, zero);
-        let mut out = ByLight { cosine: n, log_specular: n, fresnel: n, coat };
+        let mut out = ByLight { cosine: n, log_specular: n, fresnel: n, above };
         for i in 0..3 {
             out.cosine[i] = live * n[i];
             let of_half = turned * (half[i] - along * h[i]);
@@ -291,7 +350,9 @@ mod tests {
         #[inline(always)]
         fn run<V: Lanes>(self) -> f64 {
             let lane = |v: f64| V::splat(v as f32);
-            let material = Material::new(&self.parameters.map(lane), Some(self.lobes.map(lane)));
+            let [x, y, coat, roughness, sheen @ ..] = self.lobes.map(lane);
+            let optional = LobeParameters { base: [x, y, coat, roughness], sheen: Some(sheen) };
+            let material = Material::new(&self.parameters.map(lane), Some(optional));
             let (light, view) = (self.light.map(lane), self.view.map(lane));
             let sum = [light[0] + view[0], light[1] + view[1], light[2] + view[2]];
             let inverse = dot(sum, sum).reciprocal_sqrt();
@@ -308,7 +369,7 @@ mod tests {
             let total = along(by.cosine) * brdf
                 + along(by.log_specular) * fresnel * lobe
                 + along(by.fresnel) * lobe * (V::splat(1.0) - material.specular[0])
-                + along(by.coat) * lobes.irradiance;
+                + along(by.above[0]) * lobes.irradiance;
             f64::from(total.to_array()[0])
         }
     }
@@ -325,7 +386,11 @@ mod tests {
                 v.map(|x| x / length)
             };
             (parameters[0], parameters[1]) = (r(-0.2, 0.2), r(-0.2, 0.2));
-            let lobes = [r(-1.0, 1.0), r(-1.0, 1.0), r(0.0, 1.0), r(0.3, 0.6)];
+            let mut lobes =
+                [r(-1.0, 1.0), r(-1.0, 1.0), r(0.0, 1.0), r(0.3, 0.6), 0.0, 0.0, 0.0, 0.5];
+            if case % 2 == 0 {
+                lobes[lobe::SHEEN..].copy_from_slice(&[r(0.0, 1.0), r(0.0, 1.0), 0.1, r(0.3, 1.0)]);
+            }
             let view = unit([r(-0.3, 0.3), r(-0.3, 0.3), 1.0]);
             let light = unit([view[0] + r(-0.1, 0.1), view[1] + r(-0.1, 0.1), view[2]]);
             let other = [0.3, -0.4, 0.2];

@@ -1,10 +1,20 @@
-//! Anisotropy of the specular lobe and a coat above it, for eight texels.
+//! Anisotropy of the specular lobe, sheen above it and a coat above both, for eight texels.
 
 use super::directions::{Directions, dot};
 use super::microfacets::{Gloss, Microfacets};
 use super::scalar::COAT_F0;
+use super::sheen::{Sheen, SheenLobe};
 use crate::simd::Lanes;
 use crate::svbrdf::{LOBES, lobe};
+
+/// Parameters of the optional lobes of eight texels.
+#[derive(Clone, Copy)]
+pub(crate) struct LobeParameters<V> {
+    /// Anisotropy and coat, in the order of [`lobe`].
+    pub base: [V; lobe::SHEEN],
+    /// Sheen, in the same order; `None` for materials without sheen.
+    pub sheen: Option<[V; LOBES - lobe::SHEEN]>,
+}
 
 /// Optional lobes of eight texels, precomputed for any number of views.
 #[derive(Clone, Copy)]
@@ -21,11 +31,13 @@ pub(super) struct Optional<V> {
     pub gloss: Gloss<V>,
     /// Reciprocal length of the tangent before normalisation: X made orthogonal to the normal.
     inverse_tangent: V,
+    pub sheen: Option<Sheen<V>>,
 }
 
 impl<V: Lanes> Optional<V> {
     #[inline(always)]
-    pub fn new(parameters: &[V; LOBES], normal: [V; 3]) -> Self {
+    pub fn new(lobes: &LobeParameters<V>, normal: [V; 3]) -> Self {
+        let parameters = lobes.base;
         let (half, one) = (V::splat(0.5), V::splat(1.0));
         let [u, v] = [parameters[lobe::ANISOTROPY_X], parameters[lobe::ANISOTROPY_Y]];
         let m2 = u.mul_add(u, v * v);
@@ -51,6 +63,12 @@ impl<V: Lanes> Optional<V> {
             weight: parameters[lobe::COAT],
             gloss: Gloss::new(parameters[lobe::COAT_ROUGHNESS]),
             inverse_tangent: (one - normal[0] * normal[0]).reciprocal_sqrt(),
+            // A closure may stay a call without the kernel's target features.
+            #[allow(clippy::manual_map)]
+            sheen: match lobes.sheen {
+                Some(parameters) => Some(Sheen::new(parameters)),
+                None => None,
+            },
         }
     }
 }
@@ -70,6 +88,11 @@ pub(super) struct OptionalLobes<V> {
     /// Reflection of the coat, and its transmission.
     pub coat: V,
     pub through: V,
+    pub sheen: Option<SheenLobe<V>>,
+    /// Reflection above the base in each colour: of the coat and of sheen below it.
+    pub above: [V; 3],
+    /// Transmission of both.
+    pub through_all: V,
 }
 
 impl<V: Lanes> OptionalLobes<V> {
@@ -93,6 +116,16 @@ impl<V: Lanes> OptionalLobes<V> {
         let f0 = V::splat(COAT_F0);
         let fresnel = directions.fresnel.mul_add(V::splat(1.0) - f0, f0);
         let reflected = optional.weight * fresnel;
+        let (coat, through) = (reflected * microfacets.value, V::splat(1.0) - reflected);
+        let (mut above, mut through_all, mut sheen) = ([coat; 3], through, None);
+        if let Some(material) = &optional.sheen {
+            let lobe = SheenLobe::new(material, cosines, sin2);
+            for (above, colour) in above.iter_mut().zip(material.colour) {
+                *above = (through * lobe.value).mul_add(colour, *above);
+            }
+            through_all = through * lobe.through;
+            sheen = Some(lobe);
+        }
         Self {
             tangent: t,
             bitangent: b,
@@ -102,8 +135,11 @@ impl<V: Lanes> OptionalLobes<V> {
             stretched: t.mul_add(by_tangent, b * by_bitangent),
             microfacets,
             fresnel,
-            coat: reflected * microfacets.value,
-            through: V::splat(1.0) - reflected,
+            coat,
+            through,
+            sheen,
+            above,
+            through_all,
         }
     }
 

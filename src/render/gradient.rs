@@ -179,7 +179,7 @@ impl<V: Lanes> Gradient<V> {
             let [a, b, c] = [pairs[0].rendered, pairs[1].rendered, pairs[2].rendered];
             let all = (a * b * c).reciprocal() * weight;
             let inverse = [all * b * c, all * a * c, all * a * b];
-            let (mut by_irradiance, mut by_lobe, mut all_brdf) = (zero, zero, zero);
+            let (mut by_irradiance, mut by_lobe) = (zero, zero);
             for c in 0..3 {
                 let by_radiance = pairs[c].sign() * inverse[c];
                 let (brdf, fresnel) = brdfs[c];
@@ -189,7 +189,6 @@ impl<V: Lanes> Gradient<V> {
                 let by_mirrored = by_radiance * V::splat(view.mirrored[c]);
                 by_irradiance = by_power.mul_add(brdf, by_irradiance);
                 by_lobe = by_brdf.mul_add(fresnel, by_lobe);
-                all_brdf += by_brdf;
                 self.by_diffuse[c] += by_brdf.mul_add(lobes.diffuse, by_ambient);
                 self.by_specular[c] +=
                     by_brdf.mul_add(lobes.specular * lobes.one_minus_fresnel, by_mirrored);
@@ -199,9 +198,13 @@ impl<V: Lanes> Gradient<V> {
             for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
                 *sum += g;
             }
-            if let Some(by_normal) = lobes.coat_by_normal(material, directions) {
-                for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
-                    *sum = all_brdf.mul_add(g, *sum);
+            if let Some(above) = lobes.above_by_normal(material, directions) {
+                for (c, by_normal) in above.into_iter().enumerate() {
+                    let by_power = pairs[c].sign() * inverse[c] * V::splat(view.power[c]);
+                    let by_brdf = by_power * lobes.irradiance;
+                    for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
+                        *sum = by_brdf.mul_add(g, *sum);
+                    }
                 }
             }
             self.by_roughness =

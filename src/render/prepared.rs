@@ -1,9 +1,9 @@
 //! Access of the texel kernels to observations and maps: eight texels at a time, rows in bands.
 
 use crate::observation::{FULL_WEIGHT, LEAST_WEIGHT, Observation, Packed};
-use crate::reflectance::{Directions, TexelView};
+use crate::reflectance::{Directions, LobeParameters, TexelView};
 use crate::simd::Lanes;
-use crate::svbrdf::{CHANNELS, LOBES, Svbrdf};
+use crate::svbrdf::{CHANNELS, LOBES, Svbrdf, lobe};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -96,14 +96,26 @@ pub(crate) fn load_texels<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> 
 
 /// Loads the optional lobes of these texels; `None` if the material has none.
 #[inline(always)]
-pub(crate) fn load_lobes<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> Option<[V; LOBES]> {
+pub(crate) fn load_lobes<V: Lanes>(
+    maps: &Svbrdf,
+    first: usize,
+    end: usize,
+) -> Option<LobeParameters<V>> {
     let (n, planes) = (maps.texels(), maps.lobes());
     if planes.is_empty() {
         return None;
     }
-    let mut parameters = [V::splat(0.0); LOBES];
-    for (c, p) in parameters.iter_mut().enumerate() {
+    let mut base = [V::splat(0.0); lobe::SHEEN];
+    for (c, p) in base.iter_mut().enumerate() {
         *p = V::load(&planes[c * n + first..c * n + end], 0.0);
     }
-    Some(parameters)
+    if planes.len() < LOBES * n {
+        return Some(LobeParameters { base, sheen: None });
+    }
+    let mut sheen = [V::splat(0.0); LOBES - lobe::SHEEN];
+    for (c, p) in sheen.iter_mut().enumerate() {
+        let at = (lobe::SHEEN + c) * n;
+        *p = V::load(&planes[at + first..at + end], 0.0);
+    }
+    Some(LobeParameters { base, sheen: Some(sheen) })
 }

@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 
 pub(crate) use crate::test_support::noise;
 
-/// Independent texels over the whole range of materials with roughness from 0.05, and with optional
-/// lobes for even seeds.
+/// Independent texels over the whole range of materials with roughness from 0.05, with anisotropy and coat for
+/// even seeds, and with sheen too for every fourth.
 fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {
     let mut r = noise(seed);
     let mut maps = Svbrdf::new(width, height);
@@ -22,10 +22,11 @@ fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {
         }
     }
     if seed.is_multiple_of(2) {
-        let planes = (0..LOBES * width * height).map(|i| match i / (width * height) {
+        let count = if seed.is_multiple_of(4) { LOBES } else { lobe::SHEEN };
+        let planes = (0..count * width * height).map(|i| match i / (width * height) {
             lobe::ANISOTROPY_X | lobe::ANISOTROPY_Y => 2.8 * r() - 1.4,
-            lobe::COAT => r(),
-            _ => 0.1 + 0.8 * r(),
+            lobe::COAT_ROUGHNESS | lobe::SHEEN_ROUGHNESS => 0.1 + 0.8 * r(),
+            _ => r(),
         });
         maps.set_lobes(planes.collect()).unwrap();
     }

@@ -6,8 +6,10 @@ use crate::parallel;
 use crate::{Error, Result};
 
 mod anisotropy;
+mod lobes;
 
 pub use anisotropy::Anisotropy;
+pub use lobes::{LOBE_RANGE, LOBES, MIN_SHEEN_ROUGHNESS, NO_LOBES, lobe};
 
 /// Number of parameters of a texel.
 pub const CHANNELS: usize = 9;
@@ -26,26 +28,6 @@ pub mod channel {
     pub const ROUGHNESS: usize = 8;
 }
 
-/// Number of parameters of the optional lobes of a texel.
-pub const LOBES: usize = 4;
-
-/// Index of each parameter plane of the optional lobes, [`Svbrdf::lobes`].
-pub mod lobe {
-    /// Anisotropy of the specular lobe: `ln(alpha along / alpha across)` times the cosine of twice
-    /// the angle of the direction of the larger alpha, counter-clockwise from X. `roughness²` is
-    /// the geometric mean of both alphas.
-    pub const ANISOTROPY_X: usize = 0;
-    /// The same times the sine.
-    pub const ANISOTROPY_Y: usize = 1;
-    /// Weight of a coat, 0 to 1: a dielectric of F0 .04 above the other lobes.
-    pub const COAT: usize = 2;
-    /// Roughness of the coat.
-    pub const COAT_ROUGHNESS: usize = 3;
-}
-
-/// Parameters of absent lobes.
-pub const NO_LOBES: [f64; LOBES] = [0.0, 0.0, 0.0, 0.2];
-
 /// Smallest roughness rendered. Below it the highlight of a point light is thinner than a pixel,
 /// and `f32` loses the GGX denominator.
 pub const MIN_ROUGHNESS: f32 = 0.02;
@@ -54,7 +36,7 @@ pub const MIN_ROUGHNESS: f32 = 0.02;
 ///
 /// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal (`n.x /
 /// n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear, 0 to 1),
-/// roughness (0 to 1). Some materials also have four planes of optional [lobes](Self::lobes).
+/// roughness (0 to 1). Some materials also have planes of optional [lobes](Self::lobes).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SavedMaps")]
 pub struct Svbrdf {
@@ -211,47 +193,6 @@ impl Svbrdf {
         &mut self.data[channel * n..(channel + 1) * n]
     }
 
-    /// The planes of the optional lobes in the order of [`lobe`]; empty without lobes.
-    pub fn lobes(&self) -> &[f32] {
-        &self.lobes
-    }
-
-    /// One plane of the optional lobes, see [`lobe`]; `None` without lobes.
-    pub fn lobe(&self, lobe: usize) -> Option<&[f32]> {
-        self.lobes.chunks_exact(self.texels()).nth(lobe)
-    }
-
-    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` if all texels are isotropic.
-    pub fn anisotropy(&self) -> Option<[&[f32]; 2]> {
-        let planes = [self.lobe(lobe::ANISOTROPY_X)?, self.lobe(lobe::ANISOTROPY_Y)?];
-        planes.iter().any(|plane| plane.iter().any(|v| *v != 0.0)).then_some(planes)
-    }
-
-    /// The planes [`lobe::COAT`] and [`lobe::COAT_ROUGHNESS`]; `None` without a coat on any texel.
-    pub fn coat(&self) -> Option<[&[f32]; 2]> {
-        let planes = [self.lobe(lobe::COAT)?, self.lobe(lobe::COAT_ROUGHNESS)?];
-        planes[0].iter().any(|v| *v > 0.0).then_some(planes)
-    }
-
-    /// Optional lobes of a texel in the order of [`lobe`]: [`NO_LOBES`] where there are none.
-    pub(crate) fn lobes_at(&self, texel: usize) -> [f64; LOBES] {
-        let value = |i| self.lobe(i).map_or(NO_LOBES[i], |plane| f64::from(plane[texel]));
-        std::array::from_fn(value)
-    }
-
-    /// Sets the planes of optional lobes in the order of [`lobe`]; an empty vector removes them.
-    ///
-    /// # Errors
-    /// If `planes` does not hold `4 * width * height` values.
-    pub fn set_lobes(&mut self, planes: Vec<f32>) -> Result<()> {
-        if !planes.is_empty() && planes.len() != LOBES * self.texels() {
-            let [n, expected] = [planes.len(), LOBES * self.texels()];
-            return Err(Error::argument("lobes", format!("{n} values given, {expected} expected")));
-        }
-        self.lobes = planes;
-        Ok(())
-    }
-
     /// Unit normal of a texel.
     pub fn normal(&self, x: usize, y: usize) -> [f32; 3] {
         let i = y * self.width + x;
@@ -303,10 +244,6 @@ pub const RANGE: [(f32, f32); CHANNELS] = [
     (0.0, 1.0),
     (MIN_ROUGHNESS, 1.0),
 ];
-
-/// Physical range of each parameter of the optional lobes; the ratio of alphas is at most 20.
-pub const LOBE_RANGE: [(f32, f32); LOBES] =
-    [(-3.0, 3.0), (-3.0, 3.0), (0.0, 1.0), (MIN_ROUGHNESS, 1.0)];
 
 /// Encoding of maps for the networks: every channel in [-1, 1].
 ///

@@ -80,7 +80,11 @@ impl Document {
 /// Name of the reflectance that maps are parameters of: every texel's lobe, and the optional ones that some
 /// texels have.
 fn brdf(maps: &Svbrdf) -> String {
-    let lobes = [("anisotropy", maps.anisotropy().is_some()), ("coat", maps.coat().is_some())];
+    let lobes = [
+        ("anisotropy", maps.anisotropy().is_some()),
+        ("coat", maps.coat().is_some()),
+        ("sheen", maps.sheen().is_some()),
+    ];
     let lobes = lobes.into_iter().filter(|(_, is_there)| *is_there);
     lobes.fold("ggx-schlick".to_owned(), |name, (lobe, _)| format!("{name} +{lobe}"))
 }
@@ -149,7 +153,10 @@ mod tests {
         maps.set_lobes(planes.clone()).unwrap();
         assert_eq!(brdf(&maps), "ggx-schlick +coat");
         planes[4 * lobe::ANISOTROPY_Y] = -0.5;
-        maps.set_lobes(planes).unwrap();
+        maps.set_lobes(planes.clone()).unwrap();
         assert_eq!(brdf(&maps), "ggx-schlick +anisotropy +coat");
+        planes[4 * lobe::SHEEN + 2] = 0.1;
+        maps.set_lobes(planes).unwrap();
+        assert_eq!(brdf(&maps), "ggx-schlick +anisotropy +coat +sheen");
     }
 }

@@ -83,8 +83,8 @@ impl Output<'_> {
         }
         files.push(document.seal(&files)?);
         // Files of an earlier fit would lie beside the maps of this one.
-        let [anisotropy, coat] = LOBE_FILES;
-        replace_files(out, &files, &[anisotropy, coat, CLASS_FILE, PAGE])?;
+        let earlier = [LOBE_FILES.as_slice(), &[CLASS_FILE, PAGE]].concat();
+        replace_files(out, &files, &earlier)?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())

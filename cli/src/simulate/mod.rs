@@ -79,7 +79,7 @@ pub struct Arguments {
     /// truth.json lists them
     #[arg(long)]
     real: bool,
-    /// Lobe of the faults, where the maps have none of that kind [default: by the seed; nine in a row have each once]
+    /// Lobe of the faults, where the maps have none of that kind [default: by the seed; nine in a row have each but sheen once]
     #[arg(long, value_enum, requires = "real")]
     lobe: Option<Lobe>,
     /// For the last photographs, write what they would show without faults, to be predicted; every

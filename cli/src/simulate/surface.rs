@@ -8,7 +8,7 @@ use svbrdf::render::render;
 use svbrdf::svbrdf::{Anisotropy, lobe};
 
 use super::light::Light;
-use super::reflectance::{Alphas, COAT_F0, Coat, Reflectance, Texel};
+use super::reflectance::{Alphas, COAT_F0, Coat, Reflectance, Sheen, Texel};
 
 /// Where the room is brightest, azimuth, and by how much more than its mean at the horizon.
 const ROOM_AZIMUTH: f64 = 0.6;
@@ -116,6 +116,8 @@ impl Surface<'_> {
             Alphas { direction, along: lobe.along.into(), across: lobe.across.into() }
         });
         let [weight, coat] = [lobe::COAT, lobe::COAT_ROUGHNESS].map(|l| f64::from(lobe(l)));
+        let colour = [0, 1, 2].map(|c| f64::from(lobe(lobe::SHEEN + c)));
+        let sheen = f64::from(lobe(lobe::SHEEN_ROUGHNESS));
         let bow = self.slopes(place);
         let relief = DVec2::from(self.maps.normal_slopes().map(texel));
         let texel = Texel {
@@ -127,6 +129,7 @@ impl Surface<'_> {
             place,
             anisotropy,
             coat: (weight > 0.0).then_some(Coat { weight, alpha: coat * coat }),
+            sheen: (colour != [0.0; 3]).then_some(Sheen { colour, roughness: sheen }),
         };
         let to = |from: DVec3| (from - point).normalize();
         let irradiance = light.irradiance(point);
@@ -205,11 +208,12 @@ mod tests {
         assert!(a.iter().zip(&b).all(|(a, b)| (a / b - 1.0).abs() < 1e-2));
     }
 
-    /// The same of a material with both lobes, near the top, where the library's masking is right.
+    /// The same of a material with all lobes, near the top, where the library's masking is right.
     #[test]
     fn lobes_of_maps_are_what_the_library_renders() {
         let mut maps = Svbrdf::new(16, 12);
-        let lobes = [0.6, 0.8, 0.7, 0.3].iter().flat_map(|v| vec![*v; 16 * 12]).collect();
+        let lobes = [0.6, 0.8, 0.7, 0.3, 0.4, 0.3, 0.0, 0.6];
+        let lobes = lobes.iter().flat_map(|v| vec![*v; 16 * 12]).collect();
         maps.set_lobes(lobes).unwrap();
         let own = surface(&maps, 0.0);
         let library = Surface { reflectance: None, ..surface(&maps, 0.0) };

@@ -85,12 +85,13 @@ impl Problem {
 
     /// Optional lobes of at most eight texels, for kernels.
     pub(super) fn eight_lobes(&self, texels: Range<usize>, state: &State) -> Option<EightLobes> {
-        let mut lanes = [[0.0; LANES]; LOBES];
+        let sheen = state.lobes.as_ref()?.sheen.is_some();
+        let mut values = [[0.0; LANES]; LOBES];
         for (lane, t) in texels.enumerate() {
             let of_texel = self.lobes(t, state)?;
-            lanes.iter_mut().zip(of_texel).for_each(|(lanes, value)| lanes[lane] = value as f32);
+            values.iter_mut().zip(of_texel).for_each(|(lanes, value)| lanes[lane] = value as f32);
         }
-        Some(lanes)
+        Some(EightLobes { values, sheen })
     }
 
     pub fn coordinates(&self, t: usize, state: &State) -> Coordinates {

@@ -2,11 +2,16 @@
 
 use crate::estimate::coordinates::Coordinates;
 use crate::estimate::correction::Correction;
+use crate::reflectance::LobeParameters;
 use crate::simd::{LANES, Lanes};
-use crate::svbrdf::{LOBES, NO_LOBES};
+use crate::svbrdf::{LOBES, NO_LOBES, lobe};
 
 /// Optional lobes of eight texels.
-pub(super) type EightLobes = [[f32; LANES]; LOBES];
+pub(super) struct EightLobes {
+    pub values: [[f32; LANES]; LOBES],
+    /// Whether the material may have sheen.
+    pub sheen: bool,
+}
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct State {
@@ -26,13 +31,15 @@ pub(crate) struct SharedLobes {
     pub anisotropy: Vec<[f64; 2]>,
     /// Weight and roughness of the coat of all texels.
     pub coat: [f64; 2],
+    /// Colour and roughness of the sheen of all texels; `None` without sheen.
+    pub sheen: Option<[f64; LOBES - lobe::SHEEN]>,
 }
 
 impl SharedLobes {
     /// Neutral lobes of `groups` groups.
     pub fn none(groups: usize) -> Self {
-        let [_, _, weight, roughness] = NO_LOBES;
-        Self { anisotropy: vec![[0.0; 2]; groups], coat: [weight, roughness] }
+        let coat = [NO_LOBES[lobe::COAT], NO_LOBES[lobe::COAT_ROUGHNESS]];
+        Self { anisotropy: vec![[0.0; 2]; groups], coat, sheen: None }
     }
 
     /// The lobes of a texel with these shares of the groups, in the order of [`lobe`](crate::svbrdf::lobe).
@@ -42,17 +49,30 @@ impl SharedLobes {
             u += f64::from(share) * of_u;
             v += f64::from(share) * of_v;
         }
-        let [weight, roughness] = self.coat;
-        [u, v, weight, roughness]
+        let mut lobes = NO_LOBES;
+        (lobes[lobe::ANISOTROPY_X], lobes[lobe::ANISOTROPY_Y]) = (u, v);
+        [lobes[lobe::COAT], lobes[lobe::COAT_ROUGHNESS]] = self.coat;
+        if let Some(sheen) = self.sheen {
+            lobes[lobe::SHEEN..].copy_from_slice(&sheen);
+        }
+        lobes
     }
 }
 
 /// Optional lobes of eight texels, as vectors.
 #[inline(always)]
-pub(super) fn in_lanes<V: Lanes>(lobes: &Option<EightLobes>) -> Option<[V; LOBES]> {
-    let mut lanes = [V::splat(0.0); LOBES];
-    for (to, from) in lanes.iter_mut().zip(lobes.as_ref()?) {
+pub(super) fn in_lanes<V: Lanes>(lobes: &Option<EightLobes>) -> Option<LobeParameters<V>> {
+    let lobes = lobes.as_ref()?;
+    let mut base = [V::splat(0.0); lobe::SHEEN];
+    for (to, from) in base.iter_mut().zip(&lobes.values) {
         *to = V::from_array(*from);
     }
-    Some(lanes)
+    if !lobes.sheen {
+        return Some(LobeParameters { base, sheen: None });
+    }
+    let mut sheen = [V::splat(0.0); LOBES - lobe::SHEEN];
+    for (to, from) in sheen.iter_mut().zip(&lobes.values[lobe::SHEEN..]) {
+        *to = V::from_array(*from);
+    }
+    Some(LobeParameters { base, sheen: Some(sheen) })
 }

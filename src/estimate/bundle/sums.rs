@@ -181,8 +181,12 @@ struct Parameters<V> {
     products: Vec<V>,
     gradients: Vec<V>,
     /// See [`across_light`].
-    across: [[V; 3]; 5],
+    across: [[V; 3]; ACROSS],
 }
+
+/// Vectors of [`across_light`] for all colours, then one for each colour.
+const ACROSS: usize = 7;
+const SHARED_ACROSS: usize = 4;
 
 impl<V: Lanes> Parameters<V> {
     #[inline(always)]
@@ -197,7 +201,7 @@ impl<V: Lanes> Parameters<V> {
             by: vec![zero; most],
             products: vec![zero; most * (most + 1) / 2],
             gradients: vec![zero; most],
-            across: [[zero; 3]; 5],
+            across: [[zero; 3]; ACROSS],
         }
     }
 
@@ -218,7 +222,7 @@ impl<V: Lanes> Parameters<V> {
         let lobe = lobes.specular * *irradiance;
         let by_cosine = *brdf * directions.attenuation * V::splat(linear.view.power[c]);
         let by_fresnel = lobe * (V::splat(1.0) - specular);
-        let by_lobes = lobes.by_lobes(material, (*brdf, *fresnel));
+        let by_lobes = lobes.by_lobes(material, c, (*brdf, *fresnel));
         for (by, (_, derivative)) in self.by.iter_mut().zip(&linear.derivatives) {
             let of_radiance = match derivative {
                 Derivative::OfAnisotropy(group, i) => {
@@ -232,16 +236,17 @@ impl<V: Lanes> Parameters<V> {
                     continue;
                 }
                 Derivative::OfView(change) => {
-                    let mut moved = [V::splat(0.0); 5];
-                    for (moved, across) in moved.iter_mut().zip(&self.across) {
-                        for (across, place) in across.iter().zip(change.place) {
+                    let mut moved = [V::splat(0.0); SHARED_ACROSS + 1];
+                    for (i, moved) in moved.iter_mut().enumerate() {
+                        let across = if i < SHARED_ACROSS { i } else { SHARED_ACROSS + c };
+                        for (across, place) in self.across[across].iter().zip(change.place) {
                             *moved = across.mul_add(V::splat(place), *moved);
                         }
                     }
-                    let [cosine, log_specular, power, distance, coat] = moved;
+                    let [cosine, log_specular, power, distance, above] = moved;
                     cosine * by_cosine
                         + log_specular * *fresnel * lobe
-                        + coat * *irradiance
+                        + above * *irradiance
                         + power * by_fresnel
                         + distance * *brdf * *irradiance
                         + *brdf * lobes.irradiance * V::splat(change.power[c])
@@ -293,7 +298,7 @@ impl<V: Lanes> Parameters<V> {
 }
 
 /// Derivatives by the place of the light, 1/mm: of its cosine, of ln `specular`, of the Fresnel power, of the
-/// logarithm of the inverse square, and of the coat's reflection.
+/// logarithm of the inverse square, and of each colour's BRDF as far as it is due to coat and sheen.
 #[inline(always)]
 fn across_light<V: Lanes>(
     by_light: &ByLight<V>,
@@ -301,10 +306,10 @@ fn across_light<V: Lanes>(
     view: &TexelView,
     x: V,
     y: V,
-) -> [[V; 3]; 5] {
+) -> [[V; 3]; ACROSS] {
     let (l, inverse) = (directions.light, Directions::inverse_distance(view, x, y));
-    let ByLight { cosine, log_specular, fresnel, coat } = *by_light;
-    let mut out = [cosine, log_specular, fresnel, l, coat];
+    let ByLight { cosine, log_specular, fresnel, above: [red, green, blue] } = *by_light;
+    let mut out = [cosine, log_specular, fresnel, l, red, green, blue];
     for (i, of) in out.iter_mut().enumerate() {
         if i == 3 {
             continue;

@@ -98,7 +98,8 @@ fn problem() -> (Problem, State) {
     let mut state =
         problem.start(Correction { turns: rotations, ambient: 0.05, mirrored, exposure });
     let anisotropy = vec![[0.2, -0.3], [0.4, 0.1]];
-    state.lobes = Some(SharedLobes { anisotropy, coat: [0.2, 0.5] });
+    state.lobes =
+        Some(SharedLobes { anisotropy, coat: [0.2, 0.5], sheen: Some([0.3, 0.2, 0.1, 0.6]) });
     (problem, state)
 }
 

@@ -32,7 +32,7 @@ use super::photographs::Photographs;
 use super::prior::Prior;
 use crate::Svbrdf;
 use crate::parallel;
-use crate::svbrdf::LOBES;
+use crate::svbrdf::{LOBES, lobe};
 pub(super) use choice::PriorChoice;
 pub(super) use classes::classes;
 pub(super) use flat::flattened;
@@ -185,7 +185,7 @@ impl Gloss {
                 }
             });
         }
-        maps.set_lobes(self.lobes(&colours)).expect("four planes");
+        maps.set_lobes(self.lobes(&colours)).expect("none, four or eight planes");
         maps.clamp();
         maps
     }
@@ -193,14 +193,14 @@ impl Gloss {
     /// Planes of the optional lobes.
     fn lobes(&self, colours: &[Feature]) -> Vec<f32> {
         let Some(lobes) = &self.lobes else { return Vec::new() };
-        let n = colours.len();
-        let mut planes = vec![0.0; LOBES * n];
+        let (n, count) = (colours.len(), if lobes.sheen.is_some() { LOBES } else { lobe::SHEEN });
+        let mut planes = vec![0.0; count * n];
         let mut shares = vec![0.0; self.classes.len()];
         for (t, colour) in colours.iter().enumerate() {
             self.classes.shares(colour, &mut shares);
             let directions = self.directions.get(t).into_iter().flatten();
             let of_groups = std::iter::once(&1.0).chain(&shares).chain(directions).copied();
-            for (c, value) in lobes.of_texel(of_groups).into_iter().enumerate() {
+            for (c, value) in lobes.of_texel(of_groups).into_iter().take(count).enumerate() {
                 planes[c * n + t] = value as f32;
             }
         }

@@ -181,7 +181,11 @@ fn undone() -> PriorChoice {
 /// Photographs of a brushed, a coated and a plain material select the right lobes.
 #[test]
 fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
-    let (brushed, coated) = ([0.8, -0.6, 0.0, 0.2], [0.0, 0.0, 1.0, 0.15]);
+    let with = |[x, y, coat, roughness]: [f64; 4]| {
+        let [.., r, g, b, sheen] = NO_LOBES;
+        [x, y, coat, roughness, r, g, b, sheen]
+    };
+    let (brushed, coated) = (with([0.8, -0.6, 0.0, 0.2]), with([0.0, 0.0, 1.0, 0.15]));
     for (seed, lobes) in [None, Some(brushed), Some(coated)].into_iter().enumerate() {
         let mut truth = material(0.0);
         let planes = lobes.iter().flatten().flat_map(|v| [*v as f32; SIDE * SIDE]);

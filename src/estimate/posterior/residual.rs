@@ -71,7 +71,8 @@ pub(in crate::estimate) struct Appearance<V> {
     lobe_by_slopes: [V; 2],
     irradiance_by_slopes: [V; 2],
     lobe_by_roughness: V,
-    coat_by_slopes: Option<[V; 2]>,
+    /// Of each colour's BRDF.
+    above_by_slopes: Option<[[V; 2]; 3]>,
 }
 
 /// Residual and derivatives in one colour, at eight texels.
@@ -96,13 +97,15 @@ impl<V: Lanes> Appearance<V> {
         let by_normal = lobes.by_normal(material, directions, zero, one);
         let irradiance_by_slopes = material.by_slopes(by_normal);
         let lobe_by_roughness = lobes.log_specular_by_roughness(material);
-        // A closure may stay a call without the kernel's target features.
-        #[allow(clippy::manual_map)]
-        let coat_by_slopes = match lobes.coat_by_normal(material, directions) {
-            Some(by_normal) => Some(material.by_slopes(by_normal)),
-            None => None,
-        };
-        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness, coat_by_slopes }
+        let mut above_by_slopes = None;
+        if let Some(by_normal) = lobes.above_by_normal(material, directions) {
+            let mut by_slopes = [[zero; 2]; 3];
+            for (by_slopes, by_normal) in by_slopes.iter_mut().zip(by_normal) {
+                *by_slopes = material.by_slopes(by_normal);
+            }
+            above_by_slopes = Some(by_slopes);
+        }
+        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness, above_by_slopes }
     }
 
     /// One colour at coordinates `x`, those of the material.
@@ -133,8 +136,8 @@ impl<V: Lanes> Appearance<V> {
             lobe.mul_add(self.lobe_by_slopes[1], lit * self.irradiance_by_slopes[1]),
             lobe * self.lobe_by_roughness,
         ];
-        if let Some(by_slopes) = self.coat_by_slopes {
-            for (shape, by) in shape.iter_mut().zip(by_slopes) {
+        if let Some(by_slopes) = self.above_by_slopes {
+            for (shape, by) in shape.iter_mut().zip(by_slopes[c]) {
                 *shape = (irradiance * residual.inverse).mul_add(by, *shape);
             }
         }

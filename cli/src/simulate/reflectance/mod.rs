@@ -2,12 +2,13 @@
 //! that its isotropic GGX cannot make.
 //!
 //! ```text
-//! f = (diffuse + D F G / (4 NoL NoV)) (1 - w Fc) + w Dc Fc Gc / (4 NoL NoV)
-//! F = F0 + (1 - F0) (1 - VoH)^5;  Fc the same of a coat with F0 = 0.04, weight w
+//! f = ((diffuse + D F G / (4 NoL NoV)) (1 - max(s) E) + s Ds Vs) (1 - w Fc) + w Dc Fc Gc / (4 NoL NoV)
+//! F = F0 + (1 - F0) (1 - VoH)^5;  Fc the same of a coat with F0 = 0.04, weight w;  s the colour of sheen
 //! ```
 
 mod microfacets;
 mod model;
+mod sheen;
 
 use std::f64::consts::PI;
 
@@ -15,6 +16,7 @@ use glam::{DVec2, DVec3};
 
 use self::microfacets::Facets;
 pub use self::model::{Coat, Lobe, Model};
+pub use self::sheen::Sheen;
 
 /// Reflectance of a coat facing the light.
 pub const COAT_F0: f64 = 0.04;
@@ -37,6 +39,8 @@ pub struct Texel {
     pub anisotropy: Option<Alphas>,
     /// Of the maps, in place of the model's; its normal is that of the base.
     pub coat: Option<Coat>,
+    /// Of the maps, in place of the model's.
+    pub sheen: Option<Sheen>,
 }
 
 /// Roughnesses of a lobe along a direction and across it.
@@ -111,11 +115,14 @@ impl Reflectance {
             (None, Some(coat)) => self.coat(&coat, to, texel.level),
             (None, None) => (0.0, 1.0),
         };
+        let Some(base) = &base else { return [coat; 3] };
+        let sheen = texel.sheen.or(self.model.sheen);
+        let (white, dimmed) = sheen.map_or((0.0, 1.0), |s| (s.white(base), s.passed(base)));
         std::array::from_fn(|c| {
-            let Some(base) = &base else { return coat };
             let diffuse = texel.diffuse[c] * base.diffuse(self.model.oren_nayar);
             let specular = base.fresnel(texel.f0[c]) * self.specular(base, alphas);
-            coat + passed * (diffuse + specular)
+            let gleam = sheen.map_or(0.0, |sheen| sheen.colour[c] * white);
+            coat + passed * (gleam + dimmed * (diffuse + specular))
         })
     }
 
@@ -168,6 +175,7 @@ mod tests {
             place: DVec2::ZERO,
             anisotropy: None,
             coat: None,
+            sheen: None,
         }
     }
 
@@ -263,6 +271,11 @@ mod tests {
         let lacquered = Texel { coat: Some(coat), ..texel(0.1, 0.3, 0.4) };
         let expected = of(Model { coat: Some(coat), ..Model::ggx() }, &plain);
         assert!((of(Model::ggx(), &lacquered) / expected - 1.0).abs() < 1e-12);
+        assert!((expected / of(Model::ggx(), &plain) - 1.0).abs() > 0.01);
+        let sheen = Some(Sheen { colour: [0.4; 3], roughness: 0.8 });
+        let velvet = Texel { sheen, ..texel(0.1, 0.3, 0.4) };
+        let expected = of(Model { sheen, ..Model::ggx() }, &plain);
+        assert!((of(Model::ggx(), &velvet) / expected - 1.0).abs() < 1e-12);
         assert!((expected / of(Model::ggx(), &plain) - 1.0).abs() > 0.01);
     }
 

@@ -7,6 +7,8 @@ use glam::DVec2;
 use serde::Serialize;
 use svbrdf::random::Random;
 
+use super::sheen::Sheen;
+
 /// Kinds of lobes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -29,6 +31,8 @@ pub enum Lobe {
     Anisotropic,
     /// Anisotropic GGX whose direction alternates between stripes
     TwoDirections,
+    /// The sheen of cloth
+    Sheen,
 }
 
 /// Exponents of tails shorter and longer than GGX's, which has 2.
@@ -44,6 +48,10 @@ const COAT_ALPHA: [f64; 2] = [0.03, 0.15];
 /// Roughness across the direction over that along it.
 const RATIO: [f64; 2] = [1.5, 4.0];
 const STRIPE_MM: [f64; 2] = [6.0, 25.0];
+const SHEEN_COLOUR: [f64; 2] = [0.1, 0.6];
+const SHEEN_ROUGHNESS: [f64; 2] = [0.25, 0.8];
+/// Kinds that seeds choose: all but the last, so that seeds keep their meaning.
+const SEEDED: u64 = 9;
 
 /// A second, wider lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -105,13 +113,14 @@ pub struct Model {
     pub oren_nayar: f64,
     pub coat: Option<Coat>,
     pub anisotropy: Option<Anisotropy>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sheen: Option<Sheen>,
 }
 
 impl Lobe {
-    /// That of a seed: as many seeds as there are kinds have each once.
+    /// That of a seed: nine in a row have each kind but sheen once.
     pub fn of(seed: u64) -> Self {
-        let kinds = Self::value_variants();
-        kinds[(seed % kinds.len() as u64) as usize]
+        Self::value_variants()[(seed % SEEDED) as usize]
     }
 }
 
@@ -125,6 +134,7 @@ impl Model {
             oren_nayar: 0.0,
             coat: None,
             anisotropy: None,
+            sheen: None,
         }
     }
 
@@ -151,6 +161,10 @@ impl Model {
                 let (ratio, azimuth) = (between(RATIO), between([0.0, PI]));
                 model.anisotropy = Some(Anisotropy { ratio, azimuth, stripes });
             }
+            Lobe::Sheen => {
+                let colour = [0; 3].map(|_| between(SHEEN_COLOUR));
+                model.sheen = Some(Sheen { colour, roughness: between(SHEEN_ROUGHNESS) });
+            }
         }
         model
     }
@@ -165,7 +179,9 @@ mod tests {
     fn kinds_differ_from_ggx_in_one_thing() {
         let mut random = Random::new(3);
         for (seed, lobe) in Lobe::value_variants().iter().enumerate() {
-            assert_eq!(Lobe::of(seed as u64), *lobe);
+            if *lobe != Lobe::Sheen {
+                assert_eq!(Lobe::of(seed as u64), *lobe);
+            }
             let model = Model::draw(*lobe, &mut random);
             let differences = [
                 model.tail_exponent != Some(2.0),
@@ -173,6 +189,7 @@ mod tests {
                 model.oren_nayar > 0.0,
                 model.coat.is_some(),
                 model.anisotropy.is_some(),
+                model.sheen.is_some(),
             ];
             let count = differences.iter().filter(|d| **d).count();
             assert_eq!(count, usize::from(*lobe != Lobe::Ggx), "{model:?}");
