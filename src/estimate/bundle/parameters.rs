@@ -4,6 +4,7 @@ use super::state::{SharedLobes, State};
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 use crate::reflectance::TexelView;
+use crate::svbrdf::lobe;
 
 /// A shared unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +25,8 @@ pub(in crate::estimate) enum Parameter {
     Anisotropy(usize, usize),
     /// Weight or roughness of the coat.
     Coat(usize),
+    /// Red, green, blue or roughness of the sheen.
+    Sheen(usize),
 }
 
 /// A free parameter.
@@ -59,9 +62,9 @@ impl Shared {
 pub(super) enum Derivative {
     /// The radiance times this.
     Factor(f64),
-    /// That of a group's anisotropy, and of the coat.
+    /// That of a group's anisotropy, and of another [`lobe`].
     OfAnisotropy(usize, usize),
-    OfCoat(usize),
+    OfLobe(usize),
     /// That of the view.
     OfView(Change),
 }
@@ -99,6 +102,7 @@ impl Parameter {
         match self {
             Self::Anisotropy(group, i) => lobes.map_or(0.0, |lobes| lobes.anisotropy[group][i]),
             Self::Coat(i) => lobes.map_or(0.0, |lobes| lobes.coat[i]),
+            Self::Sheen(i) => lobes.and_then(|lobes| lobes.sheen).map_or(0.0, |sheen| sheen[i]),
             Self::Gain(i) => exposure.gains[i],
             Self::Exponent => exposure.exponent,
             Self::Flash(axis) => exposure.offset_mm[axis],
@@ -116,6 +120,7 @@ impl Parameter {
         *match self {
             Self::Anisotropy(group, i) => &mut lobes.get_or_insert_with(none).anisotropy[group][i],
             Self::Coat(i) => &mut lobes.get_or_insert_with(none).coat[i],
+            Self::Sheen(i) => &mut lobes.get_or_insert_with(none).sheen.get_or_insert_default()[i],
             Self::Gain(i) => &mut exposure.gains[i],
             Self::Exponent => &mut exposure.exponent,
             Self::Flash(axis) => &mut exposure.offset_mm[axis],
@@ -133,7 +138,8 @@ impl Parameter {
             | Self::Flash(_)
             | Self::Ambient
             | Self::Anisotropy(..)
-            | Self::Coat(_) => true,
+            | Self::Coat(_)
+            | Self::Sheen(_) => true,
         }
     }
 
@@ -157,7 +163,8 @@ impl Parameter {
                 Derivative::Factor(log_distance(given) - at.correction.exposure.log_distance)
             }
             Self::Anisotropy(group, i) => Derivative::OfAnisotropy(group, i),
-            Self::Coat(i) => Derivative::OfCoat(i),
+            Self::Coat(i) => Derivative::OfLobe(lobe::COAT + i),
+            Self::Sheen(i) => Derivative::OfLobe(lobe::SHEEN + i),
             _ => {
                 let by = self.difference();
                 let moved = |by: f64| {

@@ -50,7 +50,8 @@ impl Problem {
         let mut state =
             State { deviations, groups: self.groups.mean.clone(), correction, lobes: None };
         for shared in &self.shared {
-            if matches!(shared.parameter, Parameter::Anisotropy(..) | Parameter::Coat(_)) {
+            use Parameter::{Anisotropy, Coat, Sheen};
+            if matches!(shared.parameter, Anisotropy(..) | Coat(_) | Sheen(_)) {
                 shared.parameter.set(&mut state, shared.mean);
             }
         }

@@ -13,7 +13,7 @@ use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Resid
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, channel, lobe};
+use crate::svbrdf::{CHANNELS, channel};
 
 /// A photograph's corrected view, and its derivatives by the parameters.
 pub(super) struct Linear<'a> {
@@ -228,7 +228,7 @@ impl<V: Lanes> Parameters<V> {
                 Derivative::OfAnisotropy(group, i) => {
                     by_lobes[*i] * *irradiance * V::from_array(shares[*group])
                 }
-                Derivative::OfCoat(i) => by_lobes[lobe::COAT + *i] * *irradiance,
+                Derivative::OfLobe(i) => by_lobes[*i] * *irradiance,
                 // rendered / (rendered + 0.01).
                 Derivative::Factor(factor) => {
                     let whole = V::splat(1.0) - residual.inverse * V::splat(EPSILON);

@@ -67,6 +67,7 @@ fn problem() -> (Problem, State) {
         let lobes = [Parameter::Anisotropy(0, i), Parameter::Anisotropy(1, i), Parameter::Coat(i)];
         shared.extend(lobes.map(|lobe| Shared::new(lobe, 2000.0, 0.3)));
     }
+    shared.extend((0..4).map(|i| Shared::new(Parameter::Sheen(i), 2000.0, 0.3)));
     let texels = sample.texels();
     let shares = (0..texels).flat_map(|t| [t as f32, (texels - t) as f32]);
     let mut start = material();
@@ -99,13 +100,14 @@ fn problem() -> (Problem, State) {
         problem.start(Correction { turns: rotations, ambient: 0.05, mirrored, exposure });
     let anisotropy = vec![[0.2, -0.3], [0.4, 0.1]];
     state.lobes =
-        Some(SharedLobes { anisotropy, coat: [0.2, 0.5], sheen: Some([0.3, 0.2, 0.1, 0.6]) });
+        Some(SharedLobes { anisotropy, coat: [0.2, 0.5], sheen: Some([0.2, 0.1, 0.15, 0.5]) });
     (problem, state)
 }
 
 /// Central differences of step h err by h² / 6 times the third derivative (at most 1e3 for slopes in a lobe
 /// of roughness 0.35) and by rounding, 1e-15 / h. Views are in single precision: half a per cent may be
-/// rounding where the parts of a derivative by a rotation nearly cancel.
+/// rounding where the parts of a derivative by a rotation nearly cancel. The dimming below a sheen has a kink
+/// where the cosines of light and camera are equal: half a per cent more.
 #[test]
 fn sums_match_differences_of_residuals() {
     let (problem, mut state) = problem();
@@ -211,7 +213,7 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
         for j in 0..=i {
             let size = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
             let (found, numeric) = (whole.matrix[(i, j)], matrix[(i, j)]);
-            let close = (found - numeric).abs() < 8e-3 * size + 1e-3;
+            let close = (found - numeric).abs() < 1.2e-2 * size + 1e-3;
             assert!(close, "{t}: {i} {j}: {found} {numeric}, {size}");
         }
         let size = (matrix[(i, i)] * weights.sum()).sqrt();
@@ -251,7 +253,8 @@ fn elimination_matches_a_dense_solve() {
     // Five texels cannot separate lobes from gloss: the step would be lost in single precision.
     state.lobes = None;
     problem.shared.retain(|shared| {
-        !matches!(shared.parameter, Parameter::Anisotropy(..) | Parameter::Coat(_))
+        use Parameter::{Anisotropy, Coat, Sheen};
+        !matches!(shared.parameter, Anisotropy(..) | Coat(_) | Sheen(_))
     });
     let texels = 5;
     let mut sample = (*problem.sample).clone();

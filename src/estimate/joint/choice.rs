@@ -1,11 +1,13 @@
 //! The prior of the joint solve, chosen by leave-one-out cross-validation.
 //!
 //! Each candidate of [`JointOptions::candidates`] fits all photographs but one, at a few texels, and predicts
-//! the one left out. The latest photographs are left out in turn, in two rounds:
+//! the one left out. The latest photographs are left out in turn, in three rounds:
 //!
-//! 1. One prior predicts with each combination of optional lobes. A lobe is accepted if candidates with it
-//!    get most of the weight. Lobes come first, because free texels predict best when the lobe is wrong.
-//! 2. All candidates predict with these lobes. They differ in the share of the learned relief and in the
+//! 1. One prior predicts with each optional lobe. A lobe is accepted if candidates with it get most of the
+//!    weight. Lobes come first, because free texels predict best when the lobe is wrong.
+//! 2. The same prior predicts with two directions of anisotropy. Averages of texels would mix the yarns of a
+//!    weave, so that these predictions are those of single texels.
+//! 3. All candidates predict with these lobes. They differ in the share of the learned relief and in the
 //!    sigmas of slopes, of gloss within classes, and between classes.
 //!
 //! The chosen prior is the candidates' mean, weighted by the likelihood of their predictions. Its sigma of
@@ -30,7 +32,7 @@ use crate::svbrdf::NO_LOBES;
 
 /// Largest numbers of texels along the longer side: of a prediction, and of the averages that its texels are
 /// sampled from. Coarser averages would hide relief.
-const TEXELS: usize = 32;
+const TEXELS: usize = 24;
 const TAKEN_FROM: usize = 64;
 /// Largest number of steps of a fit.
 const STEPS: usize = 6;
@@ -40,6 +42,9 @@ const FOLDS: usize = 3;
 const MIN_WEIGHT: f64 = 0.01;
 /// Share of the weights that accepts a lobe: its candidates predict better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
+/// Factor on the squared errors of predictions with sheen. A rough diffuse base (Oren and Nayar) rises
+/// towards grazing angles too, and sheen explains a fifth of its squared errors; that of real sheen is half.
+const SHEEN_HANDICAP: f64 = 1.35;
 
 /// Rounds of predictions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,9 +116,20 @@ impl PriorChoice {
             directions: vec![OnceLock::new(); count],
         };
         // One photograph cannot separate a coat from the tail of a highlight.
-        let lobes = [(0, false), (1, false), (0, true), (1, true)];
-        let number = if choice.is_determined() { 4 } else { 2 };
-        let with = |(directions, coated)| JointPrior { directions, coated, ..choice.accepted.0 };
+        let lobes = [
+            (0, false, false),
+            (1, false, false),
+            (0, true, false),
+            (0, false, true),
+            (1, true, false),
+        ];
+        let number = if choice.is_determined() { lobes.len() } else { 2 };
+        let with = |(directions, coated, sheen)| JointPrior {
+            directions,
+            coated,
+            sheen,
+            ..choice.accepted.0
+        };
         let candidates = lobes.into_iter().take(number).map(with).collect();
         choice.begin(Round::Lobes, candidates);
         choice
@@ -135,7 +151,7 @@ impl PriorChoice {
         let done = self.earlier + self.made();
         let later = match self.round {
             _ if !self.is_determined() => 0,
-            Round::Lobes => 2 + self.options.joint.candidates.len(),
+            Round::Lobes => 3 + self.options.joint.candidates.len(),
             Round::Directions => self.options.joint.candidates.len(),
             Round::Priors => 0,
         };
@@ -172,9 +188,6 @@ impl PriorChoice {
             let with = weights.iter().zip(&self.candidates).filter(|(_, prior)| has(prior));
             with.map(|(weight, _)| weight).sum::<f64>() > LOBE_WEIGHT * total
         };
-        if std::env::var("SV_DBG").is_ok() {
-            for c in self.candidates() { eprintln!("{:?} {} {} {:?} w {}", self.round, self.candidates[c].directions, self.candidates[c].coated, &self.errors[self.of(c)], weights[c]); }
-        }
         let (mut prior, known) = self.accepted.clone();
         match self.round {
             Round::Lobes => prior.directions = usize::from(accepts(|prior| prior.directions > 0)),
@@ -186,12 +199,13 @@ impl PriorChoice {
             Round::Priors => return,
         }
         prior.coated |= accepts(|prior| prior.coated);
-        let has = |c: &JointPrior| (c.directions, c.coated) == (prior.directions, prior.coated);
-        let place = self.candidates.iter().position(has);
+        prior.sheen |= accepts(|prior| prior.sheen);
+        let place = self.candidates.iter().position(|c| *c == prior);
         let known = place.map(|c| self.errors[self.of(c)].to_vec()).unwrap_or_default();
         if self.round == Round::Lobes && self.is_determined() {
-            let mut candidates = vec![prior, JointPrior { directions: 2, ..prior }];
-            candidates.extend((!prior.coated).then_some(JointPrior { directions: 2, coated: true, ..prior }));
+            let two = JointPrior { directions: 2, ..prior };
+            let coated = (!prior.coated).then_some(JointPrior { coated: true, ..two });
+            let candidates = [prior, two].into_iter().chain(coated).collect();
             self.accepted = (prior, known);
             self.single = true;
             self.begin(Round::Directions, candidates);
@@ -202,11 +216,10 @@ impl PriorChoice {
 
     /// Starts the last round. Its first candidate has predicted before.
     fn begin_priors(&mut self, prior: JointPrior, known: Vec<f64>) {
-        let JointPrior { directions, coated, .. } = prior;
         let mut candidates = vec![prior];
         if self.is_determined() {
             let others = self.options.joint.candidates.iter().skip(1);
-            candidates.extend(others.map(|prior| JointPrior { directions, coated, ..*prior }));
+            candidates.extend(others.map(|other| other.with_lobes_of(&prior)));
         }
         self.begin(Round::Priors, candidates);
         self.errors.iter_mut().zip(known).for_each(|(error, known)| *error = known);
@@ -215,7 +228,8 @@ impl PriorChoice {
     /// Keeps the error of a prediction. An error that is not finite becomes the largest number, because NaN
     /// marks open predictions.
     pub(super) fn record(&mut self, prediction: usize, error: f64) {
-        self.errors[prediction] = if error.is_finite() { error.max(f64::MIN_POSITIVE) } else { f64::MAX };
+        self.errors[prediction] =
+            if error.is_finite() { error.max(f64::MIN_POSITIVE) } else { f64::MAX };
     }
 
     /// Indices of a candidate's predictions.
@@ -294,10 +308,7 @@ impl PriorChoice {
             Round::Directions if candidate == 2 => self.sum(1) < self.sum(0),
             _ => true,
         };
-        if !helps {
-            return false;
-        }
-        self.weight(candidate) >= MIN_WEIGHT
+        helps && self.weight(candidate) >= MIN_WEIGHT
     }
 
     /// The next prediction that can change the choice.
@@ -313,7 +324,8 @@ impl PriorChoice {
         let (problem, state) = self.fitted(prediction / folds, left_out);
         let at = |t| problem.coordinates(t, &state);
         let lobes = |t| problem.lobes(t, &state).unwrap_or(NO_LOBES);
-        prediction::error(&problem.sample, left_out, &state.correction, lobes, at)
+        let error = prediction::error(&problem.sample, left_out, &state.correction, lobes, at);
+        if self.candidates[prediction / folds].sheen { SHEEN_HANDICAP * error } else { error }
     }
 
     /// A candidate's fit to all photographs but one.
@@ -330,7 +342,7 @@ impl PriorChoice {
             return fit(setup, prior);
         }
         let directions = self.directions[left_out].get_or_init(|| {
-            let neutral = JointPrior { directions: 0, coated: false, ..self.accepted.0 };
+            let neutral = self.accepted.0.with_lobes_of(&JointPrior::default());
             let (problem, state) = fit(setup.clone(), &neutral);
             Directions::of(&problem, &state)
         });

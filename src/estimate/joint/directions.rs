@@ -12,7 +12,7 @@ use crate::estimate::noise::Noise;
 use crate::estimate::posterior::spread;
 use crate::estimate::prior::Prior;
 use crate::observation::Observation;
-use crate::svbrdf::{LOBES, NO_LOBES, lobe};
+use crate::svbrdf::LOBES;
 
 /// Anisotropy of the pairs that are tried: alphas that differ by a factor of 2.2.
 const STRENGTH: f64 = 0.8;
@@ -42,23 +42,18 @@ impl Directions {
         best.map(|(_, best)| best).expect("several pairs")
     }
 
-    /// Shares of texels at full size in classes of this anisotropy.
+    /// Shares of texels at full size in classes of these lobes.
     pub fn at_full_size(
         maps: &Svbrdf,
         observations: &[Observation],
         noise: Noise,
-        anisotropy: [[f64; 2]; 2],
+        lobes: [[f64; LOBES]; 2],
     ) -> Vec<[f32; 2]> {
-        let [a, b] = anisotropy.map(|anisotropy| {
+        let [a, b] = lobes.map(|lobes| {
             let mut maps = maps.clone();
-            let mut lobes = NO_LOBES;
-            lobes[lobe::ANISOTROPY_X..][..2].copy_from_slice(&anisotropy);
-            let planes = lobes.iter().flat_map(|v| std::iter::repeat_n(*v as f32, maps.texels()));
-            let planes: Vec<f32> = planes.collect();
-            debug_assert_eq!(planes.len(), LOBES * maps.texels());
-            maps.set_lobes(planes).expect("four planes");
-            let loss = spread(&maps, &Prior::default(), noise, observations).loss().to_vec();
-            loss
+            let of_all = |value: &f64| std::iter::repeat_n(*value as f32, maps.texels());
+            maps.set_lobes(lobes.iter().flat_map(of_all).collect()).expect("eight planes");
+            spread(&maps, &Prior::default(), noise, observations).loss().to_vec()
         });
         a.iter().zip(&b).map(|(a, b)| shares(3.0 / noise.scale * (a - b))).collect()
     }

@@ -35,8 +35,8 @@ use crate::parallel;
 use crate::svbrdf::{LOBES, lobe};
 pub(super) use choice::PriorChoice;
 pub(super) use classes::classes;
-pub(super) use flat::flattened;
 use directions::Directions;
+pub(super) use flat::flattened;
 use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, TEXELS, descent};
 
 /// Largest number of steps.
@@ -61,7 +61,9 @@ impl JointFit {
         board: bool,
         options: &EstimateOptions,
     ) -> Self {
-        let sample = Arc::new(Sample::new(photographs, if prior.directions == 2 { usize::MAX } else { TEXELS }, TEXELS));
+        // Averages would mix the yarns of a weave.
+        let averaged = if prior.directions == 2 { usize::MAX } else { TEXELS };
+        let sample = Arc::new(Sample::new(photographs, averaged, TEXELS));
         let which: Vec<usize> = (0..photographs.len()).collect();
         let estimate = sample.coordinates(maps);
         let mut setup = Setup::new(&sample, &which, &prior, &estimate, &options.joint);
@@ -72,7 +74,7 @@ impl JointFit {
         }
         let classes = setup.classes.clone();
         if prior.directions == 2 {
-            let neutral = JointPrior { directions: 0, coated: false, ..prior };
+            let neutral = prior.with_lobes_of(&JointPrior::default());
             let problem = setup.clone().problem(&sample, which.clone(), &neutral, board, options);
             let (problem, state) = setup::descended(problem, STEPS);
             setup = setup.with_directions(&Directions::of(&problem, &state));
@@ -137,10 +139,13 @@ impl JointFit {
             && prior.directions == 2
         {
             let without = gloss.maps(&slopes, own, photographs);
-            let first = 1 + gloss.classes.len();
-            let anisotropy = [first, first + 1].map(|k| [0, 1].map(|i| lobes.anisotropy[0][i] + lobes.anisotropy[k][i]));
+            let of_direction = |shares: [f32; 2]| {
+                let of_classes = std::iter::repeat_n(0.0, gloss.classes.len());
+                lobes.of_texel(std::iter::once(1.0).chain(of_classes).chain(shares))
+            };
+            let lobes = [[1.0, 0.0], [0.0, 1.0]].map(of_direction);
             gloss.directions =
-                Directions::at_full_size(&without, photographs.full(), problem.noise, anisotropy);
+                Directions::at_full_size(&without, photographs.full(), problem.noise, lobes);
         }
         gloss.lobes = state.lobes;
         map_state.mean = gloss.maps(&slopes, own, photographs);

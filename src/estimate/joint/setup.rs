@@ -50,6 +50,9 @@ const MAX_ANISOTROPY: f64 = 2.5;
 /// a rough base.
 const COAT_ROUGHNESS: [f64; 2] = [0.15, 0.35];
 
+/// Least roughness of a sheen: a smoother one shows only at angles that photographs of a board avoid.
+const SHEEN_ROUGHNESS: f64 = 0.2;
+
 /// Coordinates of gloss, which classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
 
@@ -222,7 +225,12 @@ impl Setup {
     }
 
     /// The unknowns of the anisotropy: of all texels, of each class round it, and of two directions.
-    fn anisotropy(&self, prior: &JointPrior, scale: f64, [of_all, of_class]: [f64; 2]) -> Vec<Shared> {
+    fn anisotropy(
+        &self,
+        prior: &JointPrior,
+        scale: f64,
+        [of_all, of_class]: [f64; 2],
+    ) -> Vec<Shared> {
         if prior.directions == 0 {
             return Vec::new();
         }
@@ -285,6 +293,14 @@ fn shared(
         let [least, most] = COAT_ROUGHNESS;
         all.push(weight.within(0.0, 1.0));
         all.push(roughness.around(sigmas.coat_roughness).within(least, most));
+    }
+    if prior.sheen {
+        let [colour, roughness] = sigmas.sheen;
+        // Colour and roughness start where both have derivatives.
+        let colours = (0..3).map(|i| new(Parameter::Sheen(i), colour, 0.3).around(0.1));
+        all.extend(colours.map(|colour| colour.within(0.0, 1.0)));
+        let roughness = new(Parameter::Sheen(3), roughness, 0.1).around(0.5);
+        all.push(roughness.within(SHEEN_ROUGHNESS, 1.0));
     }
     all
 }

@@ -174,11 +174,13 @@ fn learned_slopes_are_kept_if_they_predict() {
 fn undone() -> PriorChoice {
     let flat = photographs(&material(0.0), 4, &LightCorrection::default(), 0.15);
     let mut choice = PriorChoice::new(&flat, &material(0.0), true, &options());
+    // No lobe, no second direction.
+    choice.end_round();
     choice.end_round();
     choice
 }
 
-/// Photographs of a brushed, a coated and a plain material select the right lobes.
+/// Photographs of a brushed, a coated, a velvet and a plain material select the right lobes.
 #[test]
 fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
     let with = |[x, y, coat, roughness]: [f64; 4]| {
@@ -186,19 +188,24 @@ fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
         [x, y, coat, roughness, r, g, b, sheen]
     };
     let (brushed, coated) = (with([0.8, -0.6, 0.0, 0.2]), with([0.0, 0.0, 1.0, 0.15]));
-    for (seed, lobes) in [None, Some(brushed), Some(coated)].into_iter().enumerate() {
+    let mut velvet = NO_LOBES;
+    velvet[lobe::SHEEN..].copy_from_slice(&[0.4, 0.3, 0.2, 0.5]);
+    let all = [None, Some(brushed), Some(coated), Some(velvet)];
+    for (seed, lobes) in all.into_iter().enumerate() {
         let mut truth = material(0.0);
         let planes = lobes.iter().flatten().flat_map(|v| [*v as f32; SIDE * SIDE]);
         truth.set_lobes(planes.collect()).unwrap();
         let mut photographs = photographs(&truth, 5, &planted(), 0.02);
         let prior = chosen(&photographs, &material(0.0));
-        let expected = [lobes == Some(brushed), lobes == Some(coated)];
-        assert_eq!([prior.directions > 0, prior.coated], expected, "{seed}: {prior:?}");
+        let expected = [brushed, coated, velvet].map(|kind| lobes == Some(kind));
+        let chosen = [prior.directions == 1, prior.coated, prior.sheen];
+        assert_eq!(chosen, expected, "{seed}: {prior:?}");
         let estimated = fit(&mut photographs, prior, true).mean;
         let value = |i: usize| estimated.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
         for (i, expected) in lobes.unwrap_or(NO_LOBES).into_iter().enumerate() {
-            // The roughness of an absent coat is arbitrary.
-            if i != lobe::COAT_ROUGHNESS || lobes == Some(coated) {
+            // The roughness of an absent coat or sheen is arbitrary.
+            let absent = [(lobe::COAT_ROUGHNESS, coated), (lobe::SHEEN_ROUGHNESS, velvet)];
+            if absent.iter().all(|(at, kind)| i != *at || lobes == Some(*kind)) {
                 assert!(
                     (f64::from(value(i)) - expected).abs() < 0.1,
                     "{i}: {} {expected}",
@@ -207,6 +214,28 @@ fn optional_lobes_are_chosen_if_they_predict_and_estimated() {
             }
         }
     }
+}
+
+/// Bands of one colour whose directions differ by a quarter are told apart, texel by texel.
+#[test]
+fn two_directions_of_one_colour_are_told_apart() {
+    let mut truth = Svbrdf::new(SIDE, SIDE);
+    truth.plane_mut(channel::ROUGHNESS).fill(0.4);
+    let first = |t: usize| (t % SIDE / 5).is_multiple_of(2);
+    let mut planes = vec![0.0; lobe::SHEEN * SIDE * SIDE];
+    for t in 0..SIDE * SIDE {
+        planes[t] = if first(t) { 0.9 } else { -0.9 };
+        planes[lobe::COAT_ROUGHNESS * SIDE * SIDE + t] = 0.2;
+    }
+    truth.set_lobes(planes).unwrap();
+    let mut photographs = photographs(&truth, 6, &LightCorrection::default(), 0.03);
+    let prior = chosen(&photographs, &Svbrdf::new(SIDE, SIDE));
+    assert_eq!((prior.directions, prior.coated, prior.sheen), (2, false, false), "{prior:?}");
+    let estimated = fit(&mut photographs, prior, true).mean;
+    let found = estimated.lobe(lobe::ANISOTROPY_X).unwrap().iter().enumerate();
+    let right = found.filter(|(t, u)| (*u - if first(*t) { 0.9 } else { -0.9 }).abs() < 0.15);
+    // Where all photographs see both directions alike, a texel stays between them.
+    assert!(right.count() > SIDE * SIDE * 9 / 10, "{:?}", estimated.lobe(lobe::ANISOTROPY_X));
 }
 
 /// Equal candidates are averaged; one that predicts far better is chosen alone.
@@ -228,8 +257,8 @@ fn the_prior_is_a_mean_weighted_by_predictions() {
     assert!((estimated.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{estimated:?}");
 }
 
-/// Predictions end when no further one can change the choice. Random tables of all errors give the expected
-/// choice.
+/// Predictions end when no further one is likely to change the choice: candidates are better or worse by
+/// about one factor for all photographs. Random tables of all errors give the expected choice.
 #[test]
 fn skipped_predictions_do_not_change_the_choice() {
     let mut random = Random::new(11);
@@ -238,7 +267,10 @@ fn skipped_predictions_do_not_change_the_choice() {
     let open = choice.errors.clone();
     for case in 0..600 {
         let mut value = |low: f64, high: f64| low + (high - low) * random.uniform();
-        let table: Vec<f64> = open.iter().map(|_| value(-2.0, 2.0).exp()).collect();
+        let folds = choice.folds.len();
+        let logarithms: Vec<f64> = open.iter().map(|_| value(-2.0, 2.0)).collect();
+        let of = |i: usize| logarithms[i / folds * folds] + logarithms[i % folds];
+        let table: Vec<f64> = (0..open.len()).map(|i| (of(i) + value(-0.02, 0.02)).exp()).collect();
         choice.errors.clone_from(&table);
         let expected = choice.chosen();
         choice.errors.clone_from(&open);
@@ -295,7 +327,8 @@ fn classes_and_own_deviations_sum_to_the_estimate() {
             assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
         }
     }
-    let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4], lobes: None };
+    let (values, directions) = (vec![[0.0; CHANNELS]; 4], Vec::new());
+    let gloss = Gloss { classes, values, lobes: None, directions };
     let maps = gloss.maps(&estimate, Some(1.0), &photographs);
     for (estimated, expected) in maps.planes().iter().zip(estimate.planes()) {
         assert!((estimated - expected).abs() < 1e-5, "{estimated} {expected}");

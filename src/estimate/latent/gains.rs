@@ -21,7 +21,7 @@ const SIGMA: f64 = 0.6;
 /// Weight of their prior relative to the mean loss, divided by the number of photographs.
 const PRIOR_WEIGHT: f64 = 1e-2;
 /// Number of steps, the first step size, and the decay of Adam's moments.
-const STEPS: usize = 24;
+const STEPS: usize = 32;
 const RATE: f32 = 0.12;
 const BETAS: [f32; 2] = [0.8, 0.9];
 /// Largest ratio of the losses with and without gains that accepts the gains.

@@ -196,7 +196,6 @@ impl LatentFit {
         maps
     }
 
-
     /// Steps done, and their total.
     pub fn work(&self) -> [usize; 2] {
         [self.position.done.min(self.steps()), self.steps()]

@@ -195,7 +195,7 @@ fn steps_move_averages_and_keep_detail() {
         assert!((found - expected).abs() < 1e-5);
     }
     fit.settle();
-    let [moved, small] = [fit.maps(), fit.latent.averages().clone()];
+    let [moved, small] = [fit.maps(), fit.latent.code.maps().clone()];
     assert_eq!([small.width(), moved.width()], [128, 256]);
     let change = |c: usize| {
         let pairs = moved.plane(c).iter().zip(start.plane(c));

@@ -50,6 +50,8 @@ pub struct SharedOptions {
     pub coat: [f64; 2],
     /// Expected roughness of a coat.
     pub coat_roughness: f64,
+    /// Each colour of a sheen, round .1, and its roughness, round .5.
+    pub sheen: [f64; 2],
 }
 
 impl Default for SharedOptions {
@@ -65,6 +67,7 @@ impl Default for SharedOptions {
             anisotropy: [1.0, 0.5],
             coat: [0.5, 0.15],
             coat_roughness: 0.2,
+            sheen: [0.3, 0.2],
         }
     }
 }
@@ -114,6 +117,8 @@ pub struct JointPrior {
     pub directions: usize,
     /// Whether all texels have a coat.
     pub coated: bool,
+    /// Whether all texels have a sheen.
+    pub sheen: bool,
 }
 
 impl Default for JointPrior {
@@ -129,6 +134,15 @@ impl Default for JointPrior {
             noise: 0.3,
             directions: 0,
             coated: false,
+            sheen: false,
         }
+    }
+}
+
+impl JointPrior {
+    /// This prior with the optional lobes of another.
+    pub(in crate::estimate) fn with_lobes_of(self, other: &Self) -> Self {
+        let Self { directions, coated, sheen, .. } = *other;
+        Self { directions, coated, sheen, ..self }
     }
 }

@@ -55,12 +55,14 @@ impl Work for Choice {
             noise,
             directions,
             coated,
+            sheen,
         } = self.chosen?;
         Some(format!(
             "{relief:.2} of the relief, sigmas between classes {between:.3}, of slopes {slope:.3}, specular {specular:.3}, \
-             roughness {roughness:.3}, noise {noise:.2}{}{}",
+             roughness {roughness:.3}, noise {noise:.2}{}{}{}",
             ["", ", anisotropic", ", anisotropic in two directions"][directions.min(2)],
             if coated { ", coated" } else { "" },
+            if sheen { ", with sheen" } else { "" },
         ))
     }
 }
