@@ -35,7 +35,44 @@ def usdz(path):
         asset = UsdShade.Shader(source.GetPrim()).GetInput("file").Get()
         if not asset.resolvedPath:
             findings.append(f"{name}: {asset.path} cannot be found")
+    findings += open_pbr(stage)
     return f"{len(validators)} validators", findings
+
+
+def open_pbr(stage):
+    """usd-core does not know MaterialX: every node of the network has the inputs and types of MaterialX's library."""
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    types = {"color3": "color3f", "vector3": "float3", "vector2": "float2", "filename": "asset", "surfaceshader": "token"}
+    material = UsdShade.Material(stage.GetPrimAtPath("/Sample/Looks/Surface"))
+    source = material.ComputeSurfaceSource("mtlx")[0]
+    findings, left, seen = [], [source.GetPrim()], set()
+    while left:
+        prim = left.pop()
+        if prim in seen:
+            continue
+        seen.add(prim)
+        shader = UsdShade.Shader(prim)
+        definition = library.getNodeDef(shader.GetIdAttr().Get())
+        if definition is None:
+            findings.append(f"{prim.GetName()}: {shader.GetIdAttr().Get()} is not known")
+            continue
+        for port in [*shader.GetInputs(), *shader.GetOutputs()]:
+            known = definition.getActiveInput(port.GetBaseName()) or definition.getActiveOutput(port.GetBaseName())
+            kind = known and types.get(known.getType(), known.getType())
+            if kind != str(port.GetTypeName()):
+                findings.append(f"{prim.GetName()}.{port.GetBaseName()}: {port.GetTypeName()}, not {kind}")
+        for port in shader.GetInputs():
+            if port.GetBaseName() == "file" and not port.Get().resolvedPath:
+                findings.append(f"{prim.GetName()}: {port.Get().path} cannot be found")
+            for connected in port.GetConnectedSources()[0]:
+                output = connected.source.GetOutput(connected.sourceName)
+                if not output or output.GetTypeName() != port.GetTypeName():
+                    findings.append(f"{prim.GetName()}.{port.GetBaseName()}: connected to nothing of its type")
+                left.append(connected.source.GetPrim())
+    if len(seen) < 8:
+        findings.append(f"OpenPBR: {len(seen)} nodes")
+    return findings
 
 
 def materialx(path):
