@@ -80,8 +80,8 @@ impl Format {
         if !matches!(self, Self::Glb | Self::MaterialX | Self::Blender) && maps.sheen().is_some() {
             parts.push("no sheen");
         }
-        let place = if self == Self::Usdz { " in UsdPreviewSurface" } else { "" };
-        (!parts.is_empty()).then(|| format!("has{place} {}", parts.join("; ")))
+        let but = if self == Self::Usdz { " (except in its OpenPBR network)" } else { "" };
+        (!parts.is_empty()).then(|| format!("has {}{but}", parts.join("; ")))
     }
 }
 

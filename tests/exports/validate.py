@@ -15,7 +15,9 @@ def usdz(path):
     validators = registry.GetOrLoadAllValidators()
     context = UsdValidation.ValidationContext(validators)
     stage = Usd.Stage.Open(path)
-    findings = [f"{e.GetName()}: {e.GetMessage()}" for e in context.Validate(stage)]
+    # usd-core does not know MaterialX, see open_pbr().
+    errors = [e for e in context.Validate(stage) if e.GetName() != "MissingShaderIdInRegistry" or "'ND_" not in e.GetMessage()]
+    findings = [f"{e.GetName()}: {e.GetMessage()}" for e in errors]
     # Quick Look reads stored data where it lies.
     for entry in zipfile.ZipFile(path).infolist():
         with open(path, "rb") as file:
@@ -40,7 +42,7 @@ def usdz(path):
 
 
 def open_pbr(stage):
-    """usd-core does not know MaterialX: every node of the network has the inputs and types of MaterialX's library."""
+    """Every node of the MaterialX network has the inputs, outputs and types of MaterialX's library."""
     library = mx.createDocument()
     mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
     types = {"color3": "color3f", "vector3": "float3", "vector2": "float2", "filename": "asset", "surfaceshader": "token"}
@@ -70,7 +72,7 @@ def open_pbr(stage):
                 if not output or output.GetTypeName() != port.GetTypeName():
                     findings.append(f"{prim.GetName()}.{port.GetBaseName()}: connected to nothing of its type")
                 left.append(connected.source.GetPrim())
-    if len(seen) < 8:
+    if len(seen) < 7:
         findings.append(f"OpenPBR: {len(seen)} nodes")
     return findings
 
