@@ -109,8 +109,7 @@ fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
     let n = maps.texels();
     let factors: [f32; LOBES] = [0.8, -0.3, 0.5, 0.3, 0.2, 0.1, 0.4, 0.45];
-    let lobes =
-        factors.map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
+    let lobes = factors.map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
     maps.set_lobes(lobes.concat()).unwrap();
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);
