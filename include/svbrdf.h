@@ -1265,6 +1265,8 @@ typedef uint32_t svbrdf_lobes;
 #define SVBRDF_LOBE_ANISOTROPY 1
 /** There is a coat: SVBRDF_MAP_COAT. */
 #define SVBRDF_LOBE_COAT 2
+/** There is sheen: SVBRDF_MAP_SHEEN and SVBRDF_MAP_SHEEN_ROUGHNESS. */
+#define SVBRDF_LOBE_SHEEN 4
 
 /**
  * Which optional lobes the material shows, and so which further maps there are: an OR of SVBRDF_LOBE_
@@ -1325,17 +1327,27 @@ typedef uint32_t svbrdf_map;
  * Three values: weight, roughness, 0, linear. SVBRDF_NO_LOBE where the material has none.
  */
 #define SVBRDF_MAP_COAT 7
+/**
+ * Colour of sheen between the coat and everything else, as glTF's KHR_materials_sheen states it: linear Rec. 709;
+ * 8 bits: with the sRGB curve. SVBRDF_NO_LOBE where the material has none.
+ */
+#define SVBRDF_MAP_SHEEN 8
+/**
+ * Roughness of the sheen: one value, which formats of three channels repeat, linear. SVBRDF_NO_LOBE as for
+ * SVBRDF_MAP_SHEEN.
+ */
+#define SVBRDF_MAP_SHEEN_ROUGHNESS 9
 
 /** Layout of a map's texels. Numbers of more than a byte are in the machine's byte order. */
 typedef uint32_t svbrdf_map_format;
 
-/** Floats: three a texel, one for roughness. */
+/** Floats: three a texel, one for the roughness of lobe or sheen. */
 #define SVBRDF_MAP_FORMAT_F32 1
 /** Three bytes a texel. */
 #define SVBRDF_MAP_FORMAT_RGB8 2
 /** Four bytes a texel, the fourth 255. */
 #define SVBRDF_MAP_FORMAT_RGBA8 3
-/** One byte a texel, for roughness. */
+/** One byte a texel, for the roughness of lobe or sheen. */
 #define SVBRDF_MAP_FORMAT_R8 4
 /**
  * Four half floats a texel, the fourth 1. Roughness: 1 (occlusion), roughness, 0 (metalness).
@@ -1403,6 +1415,10 @@ typedef struct svbrdf_maps_input {
      * SVBRDF_MAP_COAT: three floats a texel, 0 to 1; the third is not used. NULL, the default: none.
      */
     const float *coat;
+    /** SVBRDF_MAP_SHEEN: three floats a texel, 0 to 1. NULL, the default: none. */
+    const float *sheen;
+    /** SVBRDF_MAP_SHEEN_ROUGHNESS: one float a texel, 0 to 1. NULL if and only if `sheen` is. */
+    const float *sheen_roughness;
 } svbrdf_maps_input;
 
 /** Fills values with defaults: pass sizeof(svbrdf_maps_input). */

@@ -34,7 +34,7 @@ tests/exports/cases.sh "$svbrdf" "$work/cases" "${captures[@]}"
 variant=0
 for options in "--metallic --texture png16" "--tile --texture jpeg --max-size 32"; do
   variant=$((variant + 1))
-  for maps in "$work"/cases.maps/{varnish,gold,carbon}; do
+  for maps in "$work"/cases.maps/{varnish,gold,carbon,satin}; do
     # shellcheck disable=SC2086
     "$svbrdf" export "$maps" --format glb,usdz,materialx --sample-mm 76.2 $options \
       --out "$work/variants/$(basename "$maps")-$variant"

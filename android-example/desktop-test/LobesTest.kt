@@ -4,7 +4,7 @@ import java.io.File
 import java.nio.ByteBuffer
 
 /** A material of one kind everywhere. */
-private fun material(side: Int, anisotropy: FloatArray?, coat: FloatArray?): MapValues {
+private fun material(side: Int, anisotropy: FloatArray?, coat: FloatArray?, sheen: FloatArray? = null): MapValues {
     fun everywhere(texel: FloatArray) = FloatArray(side * side * texel.size) { texel[it % texel.size] }
     return MapValues(
         side, side, 40f, 30f,
@@ -14,6 +14,8 @@ private fun material(side: Int, anisotropy: FloatArray?, coat: FloatArray?): Map
         roughness = everywhere(floatArrayOf(0.25f)),
         anisotropy = anisotropy?.let(::everywhere),
         coat = coat?.let(::everywhere),
+        sheen = sheen?.let(::everywhere),
+        sheenRoughness = sheen?.let { everywhere(floatArrayOf(0.6f)) },
     )
 }
 
@@ -21,7 +23,7 @@ private fun material(side: Int, anisotropy: FloatArray?, coat: FloatArray?): Map
 private fun picture(maps: MaterialMaps): ByteBuffer = ByteBuffer.allocateDirect(4 * maps.width * maps.height)
     .also { maps.render(Lighting(lightMm = floatArrayOf(150f, 0f, 300f)), it) }
 
-/** Maps of values in memory, with and without anisotropy and a coat. */
+/** Maps of values in memory, with and without anisotropy, a coat and sheen. */
 fun optionalLobes() {
     val turned = floatArrayOf(0.6f, 0.8f, 0.5f)
     val lacquer = floatArrayOf(0.75f, 0.1f, 0f)
@@ -45,6 +47,12 @@ fun optionalLobes() {
             maps.export(File(out, "lobes"))
             verify(maps.glb().size > 1000) { "glTF" }
         }
+    }
+    MaterialMaps.of(material(2, null, null, floatArrayOf(0.5f, 0.25f, 0f))).use { maps ->
+        verify(maps.lobes == setOf(Lobe.SHEEN)) { "${maps.lobes}" }
+        verify(maps.floats(MapKind.SHEEN)[4] == 0.25f) { "colour of the sheen" }
+        verify(maps.floats(MapKind.SHEEN_ROUGHNESS)[3] == 0.6f) { "roughness of the sheen" }
+        verify(maps.texels(MapKind.SHEEN, MapFormat.RGB8)[0] == 188.toByte()) { "sRGB" }
     }
     MaterialMaps.of(material(2, turned, null)).use { verify(it.lobes == setOf(Lobe.ANISOTROPY)) { "${it.lobes}" } }
     throws<IllegalArgumentException>("anisotropy") {

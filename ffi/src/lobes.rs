@@ -1,5 +1,5 @@
-//! Optional lobes in the terms of glTF's `KHR_materials_anisotropy` and `KHR_materials_clearcoat`, texel by
-//! texel. The Python module and the web page compile this file as well.
+//! Optional lobes in the terms of glTF's `KHR_materials_anisotropy`, `KHR_materials_clearcoat` and
+//! `KHR_materials_sheen`, texel by texel. The Python module and the web page compile this file as well.
 
 use engine::Svbrdf;
 use engine::svbrdf::{Anisotropy, lobe};
@@ -10,6 +10,7 @@ pub(crate) struct Shown {
     /// Mean angle of the directions of anisotropy.
     pub anisotropy: Option<f32>,
     pub coat: bool,
+    pub sheen: bool,
 }
 
 impl Shown {
@@ -17,7 +18,8 @@ impl Shown {
     pub(crate) fn of(maps: &Svbrdf) -> Self {
         let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mean = |[x, y]: [&[f32]; 2]| 0.5 * sum(y).atan2(sum(x)) as f32;
-        Self { anisotropy: maps.anisotropy().map(mean), coat: maps.coat().is_some() }
+        let [coat, sheen] = [maps.coat().is_some(), maps.sheen().is_some()];
+        Self { anisotropy: maps.anisotropy().map(mean), coat, sheen }
     }
 }
 
@@ -53,4 +55,9 @@ pub(crate) fn anisotropy(maps: &Svbrdf, mean: f32, texel: usize) -> [f32; 3] {
 /// Weight and roughness of a texel's coat.
 pub(crate) fn coat(maps: &Svbrdf, texel: usize) -> [f32; 2] {
     [lobe::COAT, lobe::COAT_ROUGHNESS].map(|lobe| part(maps, lobe, texel))
+}
+
+/// Linear colour and roughness of a texel's sheen.
+pub(crate) fn sheen(maps: &Svbrdf, texel: usize) -> [f32; 4] {
+    [0, 1, 2, 3].map(|i| part(maps, lobe::SHEEN + i, texel))
 }

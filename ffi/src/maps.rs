@@ -42,6 +42,12 @@ pub const SVBRDF_MAP_ANISOTROPY: svbrdf_map = 6;
 /// A coat above everything else, as glTF's KHR_materials_clearcoat states it: a dielectric with F0 .04.
 /// Three values: weight, roughness, 0, linear. SVBRDF_NO_LOBE where the material has none.
 pub const SVBRDF_MAP_COAT: svbrdf_map = 7;
+/// Colour of sheen between the coat and everything else, as glTF's KHR_materials_sheen states it: linear Rec. 709;
+/// 8 bits: with the sRGB curve. SVBRDF_NO_LOBE where the material has none.
+pub const SVBRDF_MAP_SHEEN: svbrdf_map = 8;
+/// Roughness of the sheen: one value, which formats of three channels repeat, linear. SVBRDF_NO_LOBE as for
+/// SVBRDF_MAP_SHEEN.
+pub const SVBRDF_MAP_SHEEN_ROUGHNESS: svbrdf_map = 9;
 
 /// Optional lobes of a material: an OR of SVBRDF_LOBE_ values. Some may be added.
 pub type svbrdf_lobes = u32;
@@ -49,6 +55,8 @@ pub type svbrdf_lobes = u32;
 pub const SVBRDF_LOBE_ANISOTROPY: svbrdf_lobes = 1;
 /// There is a coat: SVBRDF_MAP_COAT.
 pub const SVBRDF_LOBE_COAT: svbrdf_lobes = 2;
+/// There is sheen: SVBRDF_MAP_SHEEN and SVBRDF_MAP_SHEEN_ROUGHNESS.
+pub const SVBRDF_LOBE_SHEEN: svbrdf_lobes = 4;
 
 /// A map in memory of the library.
 #[repr(C)]
@@ -108,7 +116,7 @@ struct Plane {
     bytes: usize,
 }
 
-const MAP_COUNT: usize = 7;
+const MAP_COUNT: usize = 9;
 
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
@@ -200,6 +208,8 @@ impl<'a> MapPicture<'a> {
             SVBRDF_MAP_ANISOTROPY => {}
             SVBRDF_MAP_COAT if maps.shown().coat => {}
             SVBRDF_MAP_COAT => return Err(missing("coat")),
+            SVBRDF_MAP_SHEEN | SVBRDF_MAP_SHEEN_ROUGHNESS if maps.shown().sheen => {}
+            SVBRDF_MAP_SHEEN | SVBRDF_MAP_SHEEN_ROUGHNESS => return Err(missing("sheen")),
             _ => return Err(unknown("map", map)),
         }
         let mean_angle = match map {
@@ -231,13 +241,13 @@ impl Picture for MapPicture<'_> {
 
     /// Roughness stands where glTF's occlusion-roughness-metalness has it.
     fn single(&self) -> Option<usize> {
-        (self.map == SVBRDF_MAP_ROUGHNESS).then_some(1)
+        [SVBRDF_MAP_ROUGHNESS, SVBRDF_MAP_SHEEN_ROUGHNESS].contains(&self.map).then_some(1)
     }
 
     fn coding(&self) -> Coding {
         match self.map {
             SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => Coding::Signed,
-            SVBRDF_MAP_ROUGHNESS | SVBRDF_MAP_COAT => Coding::Linear,
+            SVBRDF_MAP_ROUGHNESS | SVBRDF_MAP_COAT | SVBRDF_MAP_SHEEN_ROUGHNESS => Coding::Linear,
             SVBRDF_MAP_ANISOTROPY => Coding::Direction,
             _ => Coding::Srgb,
         }
@@ -273,6 +283,17 @@ impl Picture for MapPicture<'_> {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
                     let [weight, roughness] = lobes::coat(maps, texel);
                     *out = [weight, roughness, 0.0, 1.0];
+                }
+            }
+            SVBRDF_MAP_SHEEN | SVBRDF_MAP_SHEEN_ROUGHNESS => {
+                for (out, texel) in out.iter_mut().zip(y * width..) {
+                    let [r, g, b, roughness] = lobes::sheen(maps, texel);
+                    let colour = self.map == SVBRDF_MAP_SHEEN;
+                    *out = if colour {
+                        [r, g, b, 1.0]
+                    } else {
+                        [roughness, roughness, roughness, 1.0]
+                    };
                 }
             }
             SVBRDF_MAP_DIFFUSE => {
@@ -339,12 +360,14 @@ pub unsafe extern "C" fn svbrdf_maps_lobes(
     lobes: *mut svbrdf_lobes,
 ) -> svbrdf_status {
     entry(|| {
-        let Shown { anisotropy, coat } = MAPS.get(maps.addr())?.shown();
+        let Shown { anisotropy, coat, sheen } = MAPS.get(maps.addr())?.shown();
         if lobes.is_null() {
             return Err(Fault::argument("lobes: NULL given"));
         }
         let bit = |shown: bool, value: svbrdf_lobes| if shown { value } else { 0 };
-        let found = bit(anisotropy.is_some(), SVBRDF_LOBE_ANISOTROPY) | bit(coat, SVBRDF_LOBE_COAT);
+        let found = bit(anisotropy.is_some(), SVBRDF_LOBE_ANISOTROPY)
+            | bit(coat, SVBRDF_LOBE_COAT)
+            | bit(sheen, SVBRDF_LOBE_SHEEN);
         // SAFETY: not NULL, and the caller vouches for the rest.
         unsafe { lobes.write_unaligned(found) };
         Ok(())

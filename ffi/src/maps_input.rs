@@ -39,6 +39,10 @@ pub struct svbrdf_maps_input {
     pub anisotropy: *const f32,
     /// SVBRDF_MAP_COAT: three floats a texel, 0 to 1; the third is not used. NULL, the default: none.
     pub coat: *const f32,
+    /// SVBRDF_MAP_SHEEN: three floats a texel, 0 to 1. NULL, the default: none.
+    pub sheen: *const f32,
+    /// SVBRDF_MAP_SHEEN_ROUGHNESS: one float a texel, 0 to 1. NULL if and only if `sheen` is.
+    pub sheen_roughness: *const f32,
 }
 
 impl Default for svbrdf_maps_input {
@@ -55,6 +59,8 @@ impl Default for svbrdf_maps_input {
             roughness: none,
             anisotropy: none,
             coat: none,
+            sheen: none,
+            sheen_roughness: none,
         }
     }
 }
@@ -140,10 +146,15 @@ impl svbrdf_maps_input {
             )
         };
         // SAFETY: as above.
-        let (anisotropy, coat) = unsafe { (self.anisotropy(n)?, self.coat(n)?) };
+        let (anisotropy, coat, sheen) =
+            unsafe { (self.anisotropy(n)?, self.coat(n)?, self.sheen(n)?) };
         let coat = coat.map(|texels| texels.into_iter().map(|[weight, r, _]| [weight, r]));
-        let (roughness, lobes) =
-            lobes_input::planes(roughness.into_flattened(), anisotropy.map(Vec::into_iter), coat);
+        let (roughness, lobes) = lobes_input::planes(
+            roughness.into_flattened(),
+            anisotropy.map(Vec::into_iter),
+            coat,
+            sheen.map(Vec::into_iter),
+        );
         let mut planes = Vec::with_capacity(CHANNELS * n);
         for axis in 0..2 {
             let slopes = normal.iter().map(|n| (n[axis] / n[2]).clamp(-MAX_SLOPE, MAX_SLOPE));
@@ -183,6 +194,23 @@ impl svbrdf_maps_input {
         }
         // SAFETY: as the caller vouches.
         unsafe { texels("coat", self.coat, n, [0.0, 1.0]) }.map(Some)
+    }
+
+    /// # Safety
+    /// As [`Self::maps`].
+    unsafe fn sheen(&self, n: usize) -> Result<Option<Vec<[f32; 4]>>, Fault> {
+        if self.sheen.is_null() && self.sheen_roughness.is_null() {
+            return Ok(None);
+        }
+        // SAFETY: as the caller vouches.
+        let (colour, roughness) = unsafe {
+            (
+                texels::<3>("sheen", self.sheen, n, [0.0, 1.0])?,
+                texels::<1>("sheen_roughness", self.sheen_roughness, n, [0.0, 1.0])?,
+            )
+        };
+        let texels = colour.into_iter().zip(roughness);
+        Ok(Some(texels.map(|([r, g, b], [roughness])| [r, g, b, roughness]).collect()))
     }
 }
 

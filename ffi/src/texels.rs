@@ -10,13 +10,13 @@ use crate::status::Fault;
 
 /// Layout of a map's texels. Numbers of more than a byte are in the machine's byte order.
 pub type svbrdf_map_format = u32;
-/// Floats: three a texel, one for roughness.
+/// Floats: three a texel, one for the roughness of lobe or sheen.
 pub const SVBRDF_MAP_FORMAT_F32: svbrdf_map_format = 1;
 /// Three bytes a texel.
 pub const SVBRDF_MAP_FORMAT_RGB8: svbrdf_map_format = 2;
 /// Four bytes a texel, the fourth 255.
 pub const SVBRDF_MAP_FORMAT_RGBA8: svbrdf_map_format = 3;
-/// One byte a texel, for roughness.
+/// One byte a texel, for the roughness of lobe or sheen.
 pub const SVBRDF_MAP_FORMAT_R8: svbrdf_map_format = 4;
 /// Four half floats a texel, the fourth 1. Roughness: 1 (occlusion), roughness, 0 (metalness).
 /// Beyond 65504, the largest half float, values are that.

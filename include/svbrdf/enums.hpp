@@ -199,12 +199,15 @@ enum class Map : svbrdf_map {
     normal_directx = SVBRDF_MAP_NORMAL_DIRECTX,
     anisotropy = SVBRDF_MAP_ANISOTROPY,
     coat = SVBRDF_MAP_COAT,
+    sheen = SVBRDF_MAP_SHEEN,
+    sheen_roughness = SVBRDF_MAP_SHEEN_ROUGHNESS,
 };
 
 /// Optional lobes of a material: bits. Some may be added.
 enum class Lobe : svbrdf_lobes {
     anisotropy = SVBRDF_LOBE_ANISOTROPY,
     coat = SVBRDF_LOBE_COAT,
+    sheen = SVBRDF_LOBE_SHEEN,
 };
 
 /// How the texels of a map are laid out.

@@ -7,6 +7,9 @@ use super::lobes;
 use super::template::filled;
 use crate::Result;
 
+/// Colour space of data.
+const LINEAR: &str = "Non-Color";
+
 /// The script and its textures below `folder`, and their description.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result<(Files, Value)> {
     let roughness = bundle.roughness();
@@ -23,19 +26,31 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result
     let mut inputs = Vec::new();
     let [anisotropic, turns] =
         [0, 1].map(|part| bundle.of_anisotropy(|lobe| lobes::cycles(lobe)[part]));
-    inputs.extend(anisotropic.map(|texture| ("Anisotropic", "anisotropic", texture)));
-    inputs.extend(turns.map(|texture| ("Anisotropic Rotation", "anisotropic_rotation", texture)));
-    if let Some([weight, roughness]) = bundle.maps.coat() {
-        inputs.push(("Coat Weight", "coat_weight", bundle.gray(|i| weight[i])));
-        inputs.push(("Coat Roughness", "coat_roughness", bundle.gray(|i| roughness[i])));
+    let mut input = |label, stem, space, texture| inputs.push((label, stem, space, texture));
+    if let Some(texture) = anisotropic {
+        input("Anisotropic", "anisotropic", LINEAR, texture);
     }
-    textures.extend(inputs.iter().map(|(_, stem, texture)| (*stem, texture.clone())));
+    if let Some(texture) = turns {
+        input("Anisotropic Rotation", "anisotropic_rotation", LINEAR, texture);
+    }
+    if let Some([weight, roughness]) = bundle.maps.coat() {
+        input("Coat Weight", "coat_weight", LINEAR, bundle.gray(|i| weight[i]));
+        input("Coat Roughness", "coat_roughness", LINEAR, bundle.gray(|i| roughness[i]));
+    }
+    if let Some([r, g, b, roughness]) = bundle.maps.sheen() {
+        let fuzz = |i: usize| lobes::fuzz([r[i], g[i], b[i]], roughness[i]);
+        input("Sheen Weight", "sheen_weight", LINEAR, bundle.gray(|i| fuzz(i).weight));
+        input("Sheen Roughness", "sheen_roughness", LINEAR, bundle.gray(|i| fuzz(i).roughness));
+        input("Sheen Tint", "sheen_tint", "sRGB", bundle.colour(|i| fuzz(i).tint));
+    }
+    textures.extend(inputs.iter().map(|(_, stem, _, texture)| (*stem, texture.clone())));
     let mut files = bundle.encode(&format!("{folder}textures/"), &textures)?;
     let names: Vec<&str> =
         files.iter().map(|(name, _)| name.strip_prefix(folder).unwrap_or(name)).collect();
     let lines = inputs.iter().zip(&names[5..]);
-    let lines =
-        lines.map(|((label, ..), file)| format!("    \"{label}\": (\"{file}\", \"Non-Color\"),\n"));
+    let lines = lines.map(|((label, _, space, _), file)| {
+        format!("    \"{label}\": (\"{file}\", \"{space}\"),\n")
+    });
     let script = script(bundle, layered, &names, &lines.collect::<String>());
     files.insert(0, (format!("{folder}material.py"), script.into_bytes()));
     let mut description = json!({
@@ -50,6 +65,9 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result
     }
     if bundle.maps.coat().is_some() {
         description["coat"] = json!("Coat Weight and Coat Roughness, Coat IOR 1.5");
+    }
+    if bundle.maps.sheen().is_some() {
+        description["sheen"] = json!(format!("Sheen Weight, Roughness and Tint: {}", lobes::FUZZ));
     }
     Ok((files, description))
 }

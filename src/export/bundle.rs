@@ -112,6 +112,12 @@ impl Bundle {
         Some(self.data(|i| value([weight[i], roughness[i]])))
     }
 
+    /// The texture of glTF's `KHR_materials_sheen`: colour with the sRGB curve, and roughness as alpha.
+    pub fn sheen_texture(&self) -> Option<Texture> {
+        let planes = self.maps.sheen()?;
+        Some(self.rgba(true, |i| planes.map(|plane| plane[i])))
+    }
+
     /// A linear texture of three channels.
     pub fn data(&self, value: impl Fn(usize) -> [f32; 3] + Sync) -> Texture {
         Texture::data(self.maps.width(), self.maps.height(), value)

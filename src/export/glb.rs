@@ -17,6 +17,9 @@ pub(super) fn describe_all(bundle: &Bundle, layered: &Layered) -> Value {
     if bundle.maps.coat().is_some() {
         description["coat"] = json!("KHR_materials_clearcoat: R weight, G roughness");
     }
+    if bundle.maps.sheen().is_some() {
+        description["sheen"] = json!("KHR_materials_sheen: RGB colour, A roughness");
+    }
     description
 }
 
@@ -49,6 +52,7 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
     textures.extend(layered.tint.clone().map(|tint| ("specularColor", tint)));
     textures.extend(bundle.anisotropy_texture().map(|texture| ("anisotropy", texture)));
     textures.extend(bundle.coat_texture().map(|texture| ("clearcoat", texture)));
+    textures.extend(bundle.sheen_texture().map(|texture| ("sheen", texture)));
     let (material, extensions) = material(bundle, &textures, layered.ior);
     let images = bundle.encode("", &textures)?;
 
@@ -76,7 +80,7 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
         "samplers": [sampler(bundle.tileable)],
         "images": (0..count).map(|i| json!({
             "name": textures[i].0,
-            "mimeType": bundle.texture.mime_type(),
+            "mimeType": textures[i].1.format(bundle.texture).mime_type(),
             "bufferView": geometry_views + i,
         })).collect::<Vec<_>>(),
         "accessors": accessors(half),
@@ -113,6 +117,16 @@ fn material(bundle: &Bundle, textures: &[(&str, Texture)], ior: f32) -> (Value, 
             "clearcoatNormalTexture": { "index": 1 },
         });
         extend("KHR_materials_clearcoat", value);
+    }
+    if let Some(sheen) = index("sheen") {
+        let texture = json!({ "index": sheen });
+        let value = json!({
+            "sheenColorFactor": [1, 1, 1],
+            "sheenColorTexture": texture,
+            "sheenRoughnessFactor": 1,
+            "sheenRoughnessTexture": texture,
+        });
+        extend("KHR_materials_sheen", value);
     }
     if let Some(tint) = index("specularColor") {
         extend("KHR_materials_ior", json!({ "ior": number(ior) }));

@@ -8,7 +8,7 @@ use super::textures::Texture;
 use crate::Result;
 
 /// A texture of the graph: name, type and values.
-type Image = (&'static str, &'static str, Texture);
+pub(super) type Image = (&'static str, &'static str, Texture);
 
 /// The document and its textures below `folder`, and their description.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result<(Files, Value)> {
@@ -38,10 +38,15 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result
             "dielectric of index 1.5; open_pbr: index and roughness of the base allow for the coat above"
         );
     }
+    if bundle.maps.sheen().is_some() {
+        description["sheen"] =
+            json!(format!("gltf_pbr as KHR_materials_sheen; open_pbr: {}", lobes::FUZZ));
+    }
     Ok((files, description))
 }
 
-fn images(bundle: &Bundle, layered: &Layered) -> Vec<Image> {
+/// The textures of both surfaces.
+pub(super) fn images(bundle: &Bundle, layered: &Layered) -> Vec<Image> {
     let mut images = vec![
         ("base_color", "color3", layered.base.clone()),
         ("normal", "vector3", bundle.normals(1.0)),
@@ -69,6 +74,14 @@ fn images(bundle: &Bundle, layered: &Layered) -> Vec<Image> {
             coat.map_or(own, |planes| lobes::below_rough_coat(own, planes.map(|plane| plane[i])))
         };
         images.push(("open_pbr_roughness", "float", bundle.gray(open)));
+    }
+    if let Some([r, g, b, roughness]) = bundle.maps.sheen() {
+        let fuzz = |i: usize| lobes::fuzz([r[i], g[i], b[i]], roughness[i]);
+        images.push(("sheen_color", "color3", bundle.colour(|i| [r[i], g[i], b[i]])));
+        images.push(("sheen_roughness", "float", bundle.gray(|i| roughness[i])));
+        images.push(("fuzz_color", "color3", bundle.colour(|i| fuzz(i).tint)));
+        images.push(("fuzz_weight", "float", bundle.gray(|i| fuzz(i).weight)));
+        images.push(("fuzz_roughness", "float", bundle.gray(|i| fuzz(i).roughness)));
     }
     images
 }
@@ -99,7 +112,7 @@ fn document(images: &[Image], files: &[&str], layered: &Layered) -> String {
     let has = |name: &str| images.iter().any(|(own, ..)| *own == name);
     if has("coat") {
         nodes += &ior_below_coat(layered.ior);
-        outputs += &output("open_pbr_ior", "float", "open_pbr_ior");
+        outputs += &output(BELOW_COAT, "float", BELOW_COAT);
     }
     format!(
         r#"<?xml version="1.0"?>
@@ -173,39 +186,68 @@ fn gltf_pbr(layered: &Layered, has: impl Fn(&str) -> bool) -> String {
         inputs += &connected("clearcoat_roughness", "float", "coat_roughness");
         inputs += &connected("clearcoat_normal", "vector3", "normal");
     }
+    if has("sheen_color") {
+        inputs += &connected("sheen_color", "color3", "sheen_color");
+        inputs += &connected("sheen_roughness", "float", "sheen_roughness");
+    }
     surface("gltf_pbr", "svbrdf_gltf_pbr", &inputs)
 }
 
-fn open_pbr(layered: &Layered, has: impl Fn(&str) -> bool) -> String {
+/// Source of an input of a surface.
+pub(super) enum Source {
+    /// A texture, or the nodes of [`BELOW_COAT`].
+    Map(&'static str),
+    Value(f32),
+}
+
+/// Name of the index of refraction below a coat.
+pub(super) const BELOW_COAT: &str = "open_pbr_ior";
+
+/// Inputs of `open_pbr_surface` for the textures that there are: name, type and source.
+pub(super) fn open_pbr_inputs(
+    layered: &Layered,
+    has: impl Fn(&str) -> bool,
+) -> Vec<(&'static str, &'static str, Source)> {
+    use Source::{Map, Value};
     let own = has("open_pbr_roughness");
     let roughness = if own { "open_pbr_roughness" } else { "roughness" };
-    let mut inputs = [
-        connected("base_color", "color3", "base_color"),
-        connected("specular_roughness", "float", roughness),
-        connected("geometry_normal", "vector3", "normal"),
-    ]
-    .concat();
-    inputs += &if has("coat") {
-        connected("specular_ior", "float", "open_pbr_ior")
-    } else {
-        constant("specular_ior", layered.ior)
-    };
-    inputs += &match layered.tint {
-        Some(_) => connected("specular_color", "color3", "specular_color"),
-        None => connected("base_metalness", "float", "metallic"),
-    };
+    let ior = if has("coat") { Map(BELOW_COAT) } else { Value(layered.ior) };
+    let mut inputs = vec![
+        ("base_color", "color3", Map("base_color")),
+        ("specular_roughness", "float", Map(roughness)),
+        ("geometry_normal", "vector3", Map("normal")),
+        ("specular_ior", "float", ior),
+        match layered.tint {
+            Some(_) => ("specular_color", "color3", Map("specular_color")),
+            None => ("base_metalness", "float", Map("metallic")),
+        },
+    ];
     if has("anisotropy") {
-        inputs += &connected("specular_roughness_anisotropy", "float", "open_pbr_anisotropy");
-        inputs += &connected("geometry_tangent", "vector3", "tangent");
+        inputs.push(("specular_roughness_anisotropy", "float", Map("open_pbr_anisotropy")));
+        inputs.push(("geometry_tangent", "vector3", Map("tangent")));
     }
     if has("coat") {
-        inputs += &connected("coat_weight", "float", "coat");
-        inputs += &connected("coat_roughness", "float", "coat_roughness");
-        inputs += &constant("coat_ior", lobes::COAT_IOR);
-        inputs += &constant("coat_darkening", 0.0);
-        inputs += &connected("geometry_coat_normal", "vector3", "normal");
+        inputs.push(("coat_weight", "float", Map("coat")));
+        inputs.push(("coat_roughness", "float", Map("coat_roughness")));
+        inputs.push(("coat_ior", "float", Value(lobes::COAT_IOR)));
+        inputs.push(("coat_darkening", "float", Value(0.0)));
+        inputs.push(("geometry_coat_normal", "vector3", Map("normal")));
     }
-    surface("open_pbr_surface", "svbrdf_open_pbr", &inputs)
+    if has("fuzz_weight") {
+        inputs.push(("fuzz_weight", "float", Map("fuzz_weight")));
+        inputs.push(("fuzz_color", "color3", Map("fuzz_color")));
+        inputs.push(("fuzz_roughness", "float", Map("fuzz_roughness")));
+    }
+    inputs
+}
+
+fn open_pbr(layered: &Layered, has: impl Fn(&str) -> bool) -> String {
+    let inputs = open_pbr_inputs(layered, has).into_iter();
+    let inputs = inputs.map(|(input, kind, source)| match source {
+        Source::Map(name) => connected(input, kind, name),
+        Source::Value(value) => constant(input, value),
+    });
+    surface("open_pbr_surface", "svbrdf_open_pbr", &inputs.collect::<String>())
 }
 
 fn surface(kind: &str, name: &str, inputs: &str) -> String {

@@ -19,6 +19,7 @@ mod maps;
 mod materialx;
 mod metalness;
 mod occlusion;
+mod openpbr;
 mod package;
 mod poisson;
 mod preview;

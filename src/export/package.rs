@@ -21,7 +21,8 @@ use crate::{Error, Result, Svbrdf};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// `material.glb`: binary glTF 2.0 with `KHR_materials_specular` and `KHR_materials_ior`, and with
-    /// `KHR_materials_anisotropy` and `KHR_materials_clearcoat` where the material has these lobes.
+    /// `KHR_materials_anisotropy`, `KHR_materials_clearcoat` and `KHR_materials_sheen` where the material has
+    /// these lobes.
     Glb,
     /// `material.usdz`: `UsdPreviewSurface` with metalness.
     Usdz,
@@ -68,16 +69,19 @@ impl Format {
     }
 
     /// Parts of the optional lobes that the format cannot represent, if any.
-    pub fn leaves_out(self, maps: &Svbrdf) -> Option<&'static str> {
-        const NO_ANISOTROPY: &str =
-            "has no anisotropy: the roughness is the mean of both directions";
-        match self {
-            Self::Usdz | Self::UnityUrp if maps.anisotropy().is_some() => Some(NO_ANISOTROPY),
-            Self::UnityHdrp if maps.coat().is_some() => {
-                Some("has no roughness of a coat: the coat is smooth")
-            }
-            _ => None,
+    pub fn leaves_out(self, maps: &Svbrdf) -> Option<String> {
+        let mut parts = Vec::new();
+        if matches!(self, Self::Usdz | Self::UnityUrp) && maps.anisotropy().is_some() {
+            parts.push("no anisotropy: the roughness is the mean of both directions");
         }
+        if self == Self::UnityHdrp && maps.coat().is_some() {
+            parts.push("no roughness of a coat: the coat is smooth");
+        }
+        if !matches!(self, Self::Glb | Self::MaterialX | Self::Blender) && maps.sheen().is_some() {
+            parts.push("no sheen");
+        }
+        let but = if self == Self::Usdz { " (except in its OpenPBR network)" } else { "" };
+        (!parts.is_empty()).then(|| format!("has {}{but}", parts.join("; ")))
     }
 }
 
@@ -292,6 +296,7 @@ fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
     let mut maps = vec!["normal", "diffuse", "specular", "roughness"];
     maps.extend(bundle.anisotropy.is_some().then_some("anisotropy"));
     maps.extend(bundle.maps.coat().is_some().then_some("coat"));
+    maps.extend(bundle.maps.sheen().is_some().then_some("sheen"));
     let density = [0, 1].map(|i| number(size[i] as f32 / mm[i]));
     json!({
         "format": "svbrdf-material/1",

@@ -255,7 +255,7 @@ fn every_format_is_complete() {
     assert_eq!(Format::from_name("gltf"), None);
 }
 
-/// The materials with lobes: ratios of both alphas up to 4 in all directions, a coat on some.
+/// The materials with lobes: ratios of both alphas up to 4 in all directions, a coat and sheen on some.
 fn lobed(w: usize, h: usize) -> Svbrdf {
     let mut maps = materials(w, h);
     let n = maps.texels();
@@ -266,6 +266,10 @@ fn lobed(w: usize, h: usize) -> Svbrdf {
         lobes[lobe::ANISOTROPY_Y * n + i] = 1.4 * t * turn.sin();
         lobes[lobe::COAT * n + i] = (i % 3) as f32 / 2.0;
         lobes[lobe::COAT_ROUGHNESS * n + i] = 0.1 + 0.5 * t;
+        for c in 0..3 {
+            lobes[(lobe::SHEEN + c) * n + i] = 0.1 * ((i + c) % 4) as f32;
+        }
+        lobes[lobe::SHEEN_ROUGHNESS * n + i] = 0.3 + 0.6 * t;
     }
     maps.set_lobes(lobes).unwrap();
     maps.roughness_mut().iter_mut().for_each(|v| *v = 0.2 + 0.4 * *v);
@@ -293,7 +297,7 @@ fn check_direction(
     assert!(off < 2e-3 || lobe[0] / lobe[1] < 1.001, "{what}: {off}");
 }
 
-/// Every format's formulas applied to its files give both alphas, the direction and the coat.
+/// Every format's formulas applied to its files give both alphas, the direction, the coat and the sheen.
 #[test]
 fn lobes_are_stored_as_each_format_has_them() {
     let maps = lobed(9, 5);
@@ -309,10 +313,13 @@ fn lobes_are_stored_as_each_format_has_them() {
     let coat = &extensions["KHR_materials_clearcoat"];
     let (weights, roughnesses) =
         (image(&coat["clearcoatTexture"]), image(&coat["clearcoatRoughnessTexture"]));
+    let sheen = &extensions["KHR_materials_sheen"];
+    assert_eq!(sheen["sheenColorTexture"], sheen["sheenRoughnessTexture"]);
+    let sheen = image(&sheen["sheenColorTexture"]);
     assert_eq!(coat["clearcoatNormalTexture"], json_of_glb["materials"][0]["normalTexture"]);
     let orm =
         image(&json_of_glb["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"]);
-    assert_eq!(json_of_glb["extensionsUsed"].as_array().unwrap().len(), 4);
+    assert_eq!(json_of_glb["extensionsUsed"].as_array().unwrap().len(), 5);
     let unreal = ["orm", "tangent", "anisotropy", "clear_coat"];
     let unreal = unreal.map(|name| picture(&package, &format!("unreal/{name}.png")));
     let hdrp = ["mask_map", "tangent_map", "anisotropy_map", "coat_mask_map"];
@@ -363,6 +370,10 @@ fn lobes_are_stored_as_each_format_has_them() {
         }
         let roughness = [roughnesses[i][1], unreal[3][i][1], 1.0 - urp[i][1], open[3][i][0]];
         assert!(roughness.iter().all(|r| (r - coat_roughness[i]).abs() < 1e-4), "its roughness");
+        for (c, plane) in maps.sheen().unwrap().into_iter().enumerate() {
+            let stored = if c < 3 { linear(sheen[i][c]) } else { sheen[i][c] };
+            assert!((stored - plane[i]).abs() < 1e-4, "sheen {c}: {stored} for {}", plane[i]);
+        }
     }
 }
 
@@ -373,8 +384,11 @@ fn lobes_are_named_where_there_are_some() {
         String::from_utf8(package.file(name).unwrap().to_vec()).unwrap()
     };
     let inputs = [
-        ("materialx/material.mtlx", ["geometry_tangent", "geometry_coat_normal"]),
-        ("blender/material.py", ["\"Anisotropic Rotation\": (", "\"Coat Roughness\": ("]),
+        ("materialx/material.mtlx", ["geometry_tangent", "geometry_coat_normal", "fuzz_weight"]),
+        (
+            "blender/material.py",
+            ["\"Anisotropic Rotation\": (", "\"Coat Roughness\": (", "\"Sheen Tint\": ("],
+        ),
     ];
     let with = exported(&lobed(9, 5), &Format::ALL, TextureFormat::Png8);
     let without = exported(&materials(9, 5), &Format::ALL, TextureFormat::Png8);
@@ -389,14 +403,21 @@ fn lobes_are_named_where_there_are_some() {
     };
     assert!(usdz(&with).contains("inputs:clearcoatRoughness.connect"));
     assert!(!usdz(&without).contains("clearcoat"));
-    assert!(without.remarks.is_empty() && with.remarks.len() == 3, "{:?}", with.remarks);
+    for name in
+        ["inputs:fuzz_color.connect", "inputs:geometry_tangent.connect", "OpenPBR_open_pbr_ior"]
+    {
+        assert!(usdz(&with).contains(name) && !usdz(&without).contains(name), "{name}");
+    }
+    assert!(usdz(&without).contains("textures/open_pbr/specular_color.png"));
+    assert!(without.remarks.is_empty() && with.remarks.len() == 4, "{:?}", with.remarks);
     let record = json(&with, "material.json");
-    for format in ["usdz", "unity-urp", "unity-hdrp"] {
+    for format in ["usdz", "unreal", "unity-urp", "unity-hdrp"] {
         let remark = with.remarks.iter().find(|remark| remark.starts_with(format)).unwrap();
         let left_out = record["exports"][format]["left_out"].as_str().unwrap();
         assert!(remark.ends_with(left_out), "{remark}");
     }
     assert_eq!(record["estimated"]["maps"][5], "coat");
+    assert_eq!(record["estimated"]["maps"][6], "sheen");
     assert_eq!(json(&without, "material.json")["estimated"]["maps"].as_array().unwrap().len(), 4);
     let mut broken = lobed(9, 5);
     let mut lobes = broken.lobes().to_vec();

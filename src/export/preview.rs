@@ -150,8 +150,8 @@ fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
 }
 
 /// Writes a sheet (8-bit sRGB PNG) with captions. First row: normal, diffuse, specular and
-/// roughness. Second row, for materials with lobes: anisotropy (direction and strength as RGB) and
-/// weight of the coat. Last row: the material under the four lights of [`relit`].
+/// roughness. Second row, for materials with lobes: anisotropy (direction and strength as RGB),
+/// weight of the coat, colour of the sheen. Last row: the material under the four lights of [`relit`].
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -167,8 +167,8 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let relit = relit(maps, sample_mm, CELL);
     let maps = at_most(maps, CELL);
     let w = maps.width();
-    let (anisotropy, coat) = (lobes::anisotropy(&maps), maps.coat());
-    let lit = if anisotropy.is_some() || coat.is_some() { 2 } else { 1 };
+    let (anisotropy, coat, sheen) = (lobes::anisotropy(&maps), maps.coat(), maps.sheen());
+    let lit = if anisotropy.is_some() || coat.is_some() || sheen.is_some() { 2 } else { 1 };
     let mut sheet = Sheet::new(w, maps.height(), lit + 1);
     let (diffuse, specular) = (maps.diffuse(), maps.specular());
     sheet.put(0, 0, "Normal", |i| maps.normal(i % w, i / w).map(|v| byte(0.5 * v + 0.5)));
@@ -183,6 +183,10 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     }
     if let Some([weight, _]) = coat {
         sheet.put(usize::from(anisotropy.is_some()), 1, "Coat", |i| [byte(weight[i]); 3]);
+    }
+    if let Some([r, g, b, _]) = sheen {
+        let column = usize::from(anisotropy.is_some()) + usize::from(coat.is_some());
+        sheet.put(column, 1, "Sheen", |i| [r, g, b].map(|plane| srgb(plane[i])));
     }
     for (column, picture) in relit.iter().enumerate() {
         sheet.put(column, lit, picture.label, |i| picture.rgb.as_chunks::<3>().0[i]);

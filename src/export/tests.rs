@@ -334,6 +334,8 @@ fn the_preview_shows_maps_and_renderings_with_captions() {
         let at = |(x, y)| sheet.get_pixel(12 + column * 252 + x, 12 + row * 156 + y)[1];
         pixels.filter(|pixel| at(*pixel) > 60).count()
     };
-    assert!(bright(0, 1) > 9000 && bright(1, 1) > 9000 && bright(2, 1) == 0);
+    assert!(bright(0, 1) > 9000 && bright(1, 1) > 9000);
+    // Sheen is on a third of the texels.
+    assert!((5000..9600).contains(&bright(2, 1)) && bright(3, 1) == 0);
     assert!((0..4).all(|column| bright(column, 2) > 1000));
 }

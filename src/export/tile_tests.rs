@@ -108,14 +108,14 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
 fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
     let n = maps.texels();
-    let lobes = [0.8, -0.3, 0.5, 0.3]
-        .map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
+    let factors: [f32; LOBES] = [0.8, -0.3, 0.5, 0.3, 0.2, 0.1, 0.4, 0.45];
+    let lobes = factors.map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
     maps.set_lobes(lobes.concat()).unwrap();
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);
     assert_eq!(tiled.maps.lobes().len(), LOBES * n);
     // The spreading of steps is linear, so proportional planes stay proportional.
-    for (plane, v) in [0.8, -0.3, 0.5, 0.3].into_iter().enumerate() {
+    for (plane, v) in factors.into_iter().enumerate() {
         let pairs = tiled.maps.lobe(plane).unwrap().iter();
         for (found, r) in pairs.zip(tiled.maps.roughness()) {
             assert!((found - v * (1.0 + r)).abs() < 1e-3, "{found} for {}", v * (1.0 + r));

@@ -1,11 +1,13 @@
 //! USDZ: a stored zip archive with a text layer and textures, for AR Quick Look and others.
 //!
-//! The material is a `UsdPreviewSurface` with metalness: Quick Look ignores the specular workflow.
+//! The material is a `UsdPreviewSurface` with metalness, because Quick Look ignores the specular workflow, and
+//! an OpenPBR network for programs that read MaterialX.
 
 use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, number};
 use super::convert::MetallicModel;
+use super::openpbr::OpenPbr;
 use super::template::filled;
 use crate::Result;
 
@@ -19,15 +21,22 @@ pub(super) fn encode(bundle: &Bundle) -> Result<(Vec<u8>, Value)> {
         ("orm", bundle.data(|i| [bundle.occlusion[i], roughness[i], splits.texels[i].metallic])),
     ];
     textures.extend(bundle.coat_texture().map(|texture| ("coat", texture)));
-    let images = bundle.encode("textures/", &textures)?;
+    let open = OpenPbr::new(bundle, &bundle.layered());
+    let preview = textures.len();
+    let mut images = bundle.encode("textures/", &textures)?;
+    let textures: Vec<_> =
+        open.images.iter().map(|(name, _, texture)| (*name, texture.clone())).collect();
+    images.extend(bundle.encode("textures/open_pbr/", &textures)?);
     let names: Vec<&str> = images.iter().map(|(name, _)| name.as_str()).collect();
-    let mut files: Files = vec![("material.usda".into(), layer(bundle, &names).into_bytes())];
+    let layer = layer(bundle, names.split_at(preview), &open);
+    let mut files: Files = vec![("material.usda".into(), layer.into_bytes())];
     files.extend(images);
     let [diffuse, specular] = splits.rms;
     let mut description = json!({
         "workflow": "UsdPreviewSurface, metallic: kd = (1 - m) base, F0 = 0.04 (1 - m) + m base; \
                      least squares",
         "rms_error": { "diffuse": number(diffuse), "specular": number(specular) },
+        "mtlx": "OpenPBR, as the export materialx has it",
     });
     if bundle.maps.coat().is_some() {
         description["coat"] = json!("clearcoat; R weight, G roughness");
@@ -54,9 +63,10 @@ const COAT_TEXTURE: &str = r#"
 "#;
 
 /// The scene. Images have the bottom row at t = 0.
-fn layer(bundle: &Bundle, names: &[&str]) -> String {
+fn layer(bundle: &Bundle, (names, open_names): (&[&str], &[&str]), open: &OpenPbr) -> String {
     let [x, y] = bundle.sample_mm.map(|mm| (mm / 2000.0).to_string());
     let wrap = if bundle.tileable { "repeat" } else { "clamp" };
+    let address = if bundle.tileable { "periodic" } else { "clamp" };
     let coat = names.get(3).map(|coat| filled(COAT_TEXTURE, &[("coat", coat), ("wrap", wrap)]));
     filled(
         include_str!("scene.usda"),
@@ -69,6 +79,7 @@ fn layer(bundle: &Bundle, names: &[&str]) -> String {
             ("orm", names[2]),
             ("coat_inputs", if coat.is_some() { COAT_INPUTS } else { "" }),
             ("coat_texture", coat.as_deref().unwrap_or_default()),
+            ("open_pbr", &open.nodes(open_names, names[1], address)),
         ],
     )
 }

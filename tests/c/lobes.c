@@ -1,4 +1,4 @@
-/* Maps of values in memory, with and without anisotropy and a coat. */
+/* Maps of values in memory, with and without anisotropy, a coat and sheen. */
 #include "check.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@ enum { WIDE = 6, HIGH = 4, TEXELS = WIDE * HIGH };
 
 typedef struct {
     float normal[3 * TEXELS], diffuse[3 * TEXELS], specular[3 * TEXELS], roughness[TEXELS];
-    float anisotropy[3 * TEXELS], coat[3 * TEXELS];
+    float anisotropy[3 * TEXELS], coat[3 * TEXELS], sheen[3 * TEXELS], sheen_roughness[TEXELS];
 } material;
 
 static void fill(material *m)
@@ -31,6 +31,10 @@ static void fill(material *m)
         m->coat[3 * i] = i < WIDE ? 0.0f : 0.5f;
         m->coat[3 * i + 1] = 0.05f * (float)(i % WIDE + 1);
         m->coat[3 * i + 2] = 0.0f;
+        for (c = 0; c < 3; c++) {
+            m->sheen[3 * i + c] = i < WIDE ? 0.0f : 0.2f * (float)(c + 1);
+        }
+        m->sheen_roughness[i] = 0.3f + 0.02f * (float)i;
     }
 }
 
@@ -47,6 +51,11 @@ static void input_of(svbrdf_maps_input *input, const material *m, int lobes)
     input->roughness = m->roughness;
     input->anisotropy = lobes & SVBRDF_LOBE_ANISOTROPY ? m->anisotropy : NULL;
     input->coat = lobes & SVBRDF_LOBE_COAT ? m->coat : NULL;
+    CHECK(input->sheen == NULL && input->sheen_roughness == NULL);
+    if (lobes & SVBRDF_LOBE_SHEEN) {
+        input->sheen = m->sheen;
+        input->sheen_roughness = m->sheen_roughness;
+    }
 }
 
 static void same(const svbrdf_maps *maps, svbrdf_map map, const float *expected, unsigned channels)
@@ -88,7 +97,8 @@ static void check_anisotropy(const svbrdf_maps *maps, const material *m)
 
 static void check_kinds(void)
 {
-    static const svbrdf_lobes all = SVBRDF_LOBE_ANISOTROPY | SVBRDF_LOBE_COAT;
+    static const svbrdf_lobes all =
+        SVBRDF_LOBE_ANISOTROPY | SVBRDF_LOBE_COAT | SVBRDF_LOBE_SHEEN;
     svbrdf_maps_input input;
     svbrdf_maps *maps = NULL, *half = NULL;
     svbrdf_map_view view;
@@ -99,6 +109,7 @@ static void check_kinds(void)
     OK(svbrdf_map_view_init(&view, sizeof view));
     for (lobes = 0; lobes <= all; lobes++) {
         const svbrdf_status coat = lobes & SVBRDF_LOBE_COAT ? SVBRDF_OK : SVBRDF_NO_LOBE;
+        const svbrdf_status sheen = lobes & SVBRDF_LOBE_SHEEN ? SVBRDF_OK : SVBRDF_NO_LOBE;
         const svbrdf_status turned = lobes & SVBRDF_LOBE_ANISOTROPY ? SVBRDF_OK : SVBRDF_NO_LOBE;
         input_of(&input, &m, (int)lobes);
         OK(svbrdf_maps_from_memory(&input, &maps));
@@ -117,12 +128,25 @@ static void check_kinds(void)
         if (coat == SVBRDF_OK) {
             same(maps, SVBRDF_MAP_COAT, m.coat, 3);
         }
+        EXPECT(svbrdf_maps_view(maps, SVBRDF_MAP_SHEEN, SVBRDF_MAP_FORMAT_RGBA8, &view), sheen);
+        if (sheen == SVBRDF_OK) {
+            /* 0.2 on the sRGB curve. */
+            CHECK(((const unsigned char *)view.data)[4 * WIDE + 3] == 255);
+            CHECK(((const unsigned char *)view.data)[4 * WIDE] == 124);
+            same(maps, SVBRDF_MAP_SHEEN, m.sheen, 3);
+        }
+        EXPECT(svbrdf_maps_view(maps, SVBRDF_MAP_SHEEN_ROUGHNESS, SVBRDF_MAP_FORMAT_R8, &view),
+               sheen);
+        if (sheen == SVBRDF_OK) {
+            same(maps, SVBRDF_MAP_SHEEN_ROUGHNESS, m.sheen_roughness, 1);
+        }
         if (turned == SVBRDF_OK) {
             check_anisotropy(maps, &m);
             EXPECT(svbrdf_maps_view(maps, SVBRDF_MAP_ANISOTROPY, SVBRDF_MAP_FORMAT_R8, &view),
                    SVBRDF_INVALID_ARGUMENT);
         }
         EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_COAT, &view), SVBRDF_INVALID_ARGUMENT);
+        EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_SHEEN, &view), SVBRDF_INVALID_ARGUMENT);
         OK(svbrdf_maps_reduced(maps, 1, &half));
         OK(svbrdf_maps_lobes(half, &found));
         CHECK(found == lobes);
@@ -220,14 +244,14 @@ static void check_faults(const char *folder)
     float crooked[3 * TEXELS + 1];
     int remarks = 0;
     fill(&m);
-    input_of(&input, &m, 3);
+    input_of(&input, &m, 7);
     EXPECT(svbrdf_maps_from_memory(NULL, &maps), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_from_memory(&input, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_input_init(&input, sizeof input - 8), SVBRDF_INVALID_ARGUMENT);
 #define REFUSED(what, change)                                                                    \
     do {                                                                                         \
         fill(&m);                                                                                \
-        input_of(&input, &m, 3);                                                                 \
+        input_of(&input, &m, 7);                                                                 \
         change;                                                                                  \
         EXPECT(svbrdf_maps_from_memory(&input, &maps), SVBRDF_INVALID_ARGUMENT);                 \
         CHECK(strstr(svbrdf_last_error_message(), "svbrdf_maps_input." what) != NULL);           \
@@ -243,10 +267,14 @@ static void check_faults(const char *folder)
     REFUSED("anisotropy", m.anisotropy[2] = -0.1f);
     REFUSED("anisotropy", m.anisotropy[0] = 2.0f);
     REFUSED("coat", m.coat[1] = 1.5f);
+    REFUSED("sheen", m.sheen[4] = -0.5f);
+    REFUSED("sheen_roughness", m.sheen_roughness[0] = 2.0f);
+    REFUSED("sheen_roughness", input.sheen_roughness = NULL);
+    REFUSED("sheen", input.sheen = NULL);
     CHECK(maps == NULL);
     /* Any alignment; files are written of maps with lobes too. */
     fill(&m);
-    input_of(&input, &m, 3);
+    input_of(&input, &m, 7);
     memcpy((char *)crooked + 1, m.coat, sizeof m.coat);
     input.coat = (const float *)(const void *)((char *)crooked + 1);
     OK(svbrdf_maps_from_memory(&input, &maps));

@@ -1,4 +1,4 @@
-// Maps of values in memory, with and without anisotropy and a coat.
+// Maps of values in memory, with and without anisotropy, a coat and sheen.
 #include <cmath>
 #include <initializer_list>
 #include <vector>
@@ -8,7 +8,7 @@
 using svbrdf::Map;
 using svbrdf::StatusCode;
 
-/// A material of one kind everywhere, with anisotropy and a coat.
+/// A material of one kind everywhere, with anisotropy, a coat and sheen.
 void lobes(const std::string& folder) {
     constexpr std::uint32_t side = 8;
     constexpr std::size_t texels = std::size_t{side} * side;
@@ -22,6 +22,7 @@ void lobes(const std::string& folder) {
     const auto normal = everywhere({0.0f, 0.0f, 1.0f}), colour = everywhere({0.5f, 0.4f, 0.3f});
     const auto roughness = everywhere({0.25f}), anisotropy = everywhere({0.6f, 0.8f, 0.5f});
     const auto coat = everywhere({0.75f, 0.1f, 0.0f});
+    const auto sheen = everywhere({0.5f, 0.25f, 0.0f}), sheen_roughness = everywhere({0.6f});
     auto input = svbrdf::make(svbrdf_maps_input_init);
     input.width = input.height = side;
     input.normal = normal.data();
@@ -40,6 +41,16 @@ void lobes(const std::string& folder) {
     CHECK(close(turned[0], 0.6f) && close(turned[1], 0.8f) && close(turned[2], 0.5f));
     CHECK(close(maps.floats(Map::roughness).values[11], 0.25f));
     CHECK(maps.floats(Map::coat).at(1, 1)[0] == 0.75f && maps.rgba8(Map::coat).at(7, 7)[0] == 191);
+    CHECK(!maps.has(svbrdf::Lobe::sheen));
+    input.sheen = sheen.data();
+    input.sheen_roughness = sheen_roughness.data();
+    const auto velvet = svbrdf::Maps::from_memory(input);
+    CHECK(velvet.has(svbrdf::Lobe::sheen) && velvet.has(svbrdf::Lobe::coat));
+    CHECK(velvet.floats(Map::sheen).at(2, 3)[1] == 0.25f);
+    CHECK(velvet.floats(Map::sheen_roughness).values[9] == 0.6f);
+    CHECK(velvet.rgba8(Map::sheen).at(0, 0)[0] == 188);
+    CHECK(velvet.render(svbrdf::make(svbrdf_render_options_init)) !=
+          maps.render(svbrdf::make(svbrdf_render_options_init)));
     CHECK(maps.render(svbrdf::make(svbrdf_render_options_init)) !=
           plain.render(svbrdf::make(svbrdf_render_options_init)));
     CHECK(maps.reduced(1).has(svbrdf::Lobe::coat));

@@ -11,6 +11,8 @@ const MATERIALS = {
   // Roughness across the direction (degrees from X), strength as in KHR_materials_anisotropy.
   brushed: { diffuse: [0, 0, 0], specular: [0.6, 0.57, 0.53], roughness: 0.36, anisotropy: [25, 0.45] },
   lacquer: { diffuse: [0.2, 0.05, 0.03], specular: [0.06, 0.06, 0.06], roughness: 0.6, coat: [0.9, 0.25] },
+  velvet: { diffuse: [0.12, 0.02, 0.04], specular: [0.03, 0.03, 0.03], roughness: 0.8, sheen: [0.5, 0.2, 0.3, 0.5] },
+  satin: { diffuse: [0.2, 0.2, 0.25], specular: [0.05, 0.05, 0.05], roughness: 0.5, coat: [0.5, 0.3], sheen: [0.2, 0.3, 0.4, 0.8] },
   carbon: { diffuse: [0.03, 0.03, 0.03], specular: [0.1, 0.1, 0.1], roughness: 0.4, anisotropy: [-60, 0.5], coat: [1, 0.3] },
 };
 
@@ -48,7 +50,7 @@ const srgb = (v) => Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** 
 
 const byte = (v) => Math.round(255 * v);
 
-for (const [name, { diffuse, specular, roughness, anisotropy, coat }] of Object.entries(MATERIALS)) {
+for (const [name, { diffuse, specular, roughness, anisotropy, coat, sheen }] of Object.entries(MATERIALS)) {
   const dir = `${process.argv[2]}/${name}`;
   mkdirSync(dir, { recursive: true });
   writeFileSync(`${dir}/normal.png`, png([128, 128, 255]));
@@ -61,4 +63,8 @@ for (const [name, { diffuse, specular, roughness, anisotropy, coat }] of Object.
     writeFileSync(`${dir}/anisotropy.png`, png([...direction, byte(anisotropy[1])]));
   }
   if (coat) writeFileSync(`${dir}/coat.png`, png([...coat.map(byte), 0]));
+  if (sheen) {
+    writeFileSync(`${dir}/sheen.png`, png(sheen.slice(0, 3).map(srgb)));
+    writeFileSync(`${dir}/sheen_roughness.png`, png(Array(3).fill(byte(sheen[3]))));
+  }
 }

@@ -126,11 +126,12 @@ async function samePlace(page, data) {
 }
 
 /**
- * A page and a folder of maps like those of the fit, but with anisotropy and a coat: as `anisotropy.png` and
- * `coat.png` state them, and as the page has them. Returns the names of both.
+ * A page and a folder of maps like those of the fit, but with anisotropy, a coat and sheen: as `anisotropy.png`,
+ * `coat.png`, `sheen.png` and `sheen_roughness.png` state them, and as the page has them. Returns the names of both.
  */
 function withLobes() {
-  const [angle, strength, weight, coat] = [0.6, 0.5, 0.8, 0.3];
+  const [angle, strength, weight, coat, fuzz] = [0.6, 0.5, 0.8, 0.3, 0.6];
+  const sheen = [188, 137, 0]; // sRGB
   const [page, folder] = ['report-lobes.html', path.join(maps, 'lobes')];
   fs.mkdirSync(folder, { recursive: true });
   for (const name of ['normal', 'diffuse', 'specular', 'roughness']) fs.copyFileSync(path.join(maps, `${name}.png`), path.join(folder, `${name}.png`));
@@ -144,6 +145,8 @@ function withLobes() {
   const direction = [Math.cos(angle), Math.sin(angle)].map((v) => 127.5 * (v + 1));
   fs.writeFileSync(path.join(folder, 'anisotropy.png'), picture(() => [...direction, 255 * strength]));
   fs.writeFileSync(path.join(folder, 'coat.png'), picture(() => [255 * weight, 255 * coat, 0]));
+  fs.writeFileSync(path.join(folder, 'sheen.png'), picture(() => sheen));
+  fs.writeFileSync(path.join(folder, 'sheen_roughness.png'), picture(() => Array(3).fill(255 * fuzz)));
   // Alphas along and across the direction of a texel.
   const alphas = (i) => {
     const across = (stored.data[4 * i] / 65535) ** 2;
@@ -160,6 +163,8 @@ function withLobes() {
     return [128 + step * Math.cos(2 * angle), 128 + step * Math.sin(2 * angle), 0];
   }));
   data.maps.coat = uri(picture(() => [255 * weight, 255 * coat, 0]));
+  data.maps.sheen = uri(picture(() => sheen));
+  data.maps.sheen_roughness = uri(picture(() => Array(3).fill(255 * fuzz)));
   fs.writeFileSync(path.join(maps, page), before + JSON.stringify(data).replaceAll('<', '\\u003c') + after);
   return { page, folder };
 }
@@ -168,10 +173,11 @@ function withLobes() {
 async function lobes(browser) {
   const { page: name, folder } = withLobes();
   const { page, close } = await open(browser, {}, () => {}, name);
-  assert.equal(await page.locator('#maps canvas').count(), 6);
+  assert.equal(await page.locator('#maps canvas').count(), 7);
   await page.locator('#maps canvas').nth(4).hover({ position: { x: 20, y: 20 } });
   assert.match(await page.locator('#maps figcaption').nth(4).innerText(), /^Anisotropy\s+\d+\.\d : 1, wider along 3[45]°$/);
   assert.match(await page.locator('#maps figcaption').nth(5).innerText(), /^Coat\s+weight 0\.80, roughness 0\.30$/);
+  assert.match(await page.locator('#maps figcaption').nth(6).innerText(), /^Sheen\s+0\.503, 0\.250, 0\.000, roughness 0\.60$/);
   const worst = await sameAsLibrary(page, await page.evaluate(() => window.svbrdfReport.data), folder);
   await close();
   return worst;

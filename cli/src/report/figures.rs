@@ -102,6 +102,14 @@ fn material(subject: &Subject) -> Option<Value> {
             Some(("Mean tilt of normals", format!("{tilt:.1}°"))),
             maps.anisotropy().map(|planes| ("Anisotropy", anisotropy(planes))),
             maps.coat().map(|planes| ("Coat", coat(planes))),
+            maps.sheen().map(|[r, g, b, roughness]| {
+                ("Sheen", {
+                    let weights: Vec<f32> = (0..r.len()).map(|i| r[i] + g[i] + b[i]).collect();
+                    let sum = weights.iter().sum::<f32>();
+                    let weighted = weights.iter().zip(roughness).map(|(w, r)| w * r).sum::<f32>();
+                    format!("{}, roughness {:.2}", colour([r, g, b]), weighted / sum)
+                })
+            }),
         ],
     )
 }

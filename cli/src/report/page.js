@@ -119,6 +119,9 @@ const KINDS = [
     const [weight, roughness] = coat(m, i);
     return weight > 0 ? `weight ${weight.toFixed(2)}, roughness ${roughness.toFixed(2)}` : 'none';
   }],
+  data.maps.sheen && ['Sheen', (m, i) => [0, 1, 2].map((c) => (m.sheen ? encode(m.sheen[4 * i + c]) : 0)), (m, i) => (
+    m.sheen?.slice(4 * i, 4 * i + 3).some((v) => v > 0) ? `${triple(m.sheen, i)}, roughness ${m.sheen[4 * i + 3].toFixed(2)}` : 'none'
+  )],
 ].filter(Boolean);
 
 const MapsView = {

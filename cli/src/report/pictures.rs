@@ -88,6 +88,12 @@ pub struct MapPictures {
     /// PNG: weight and roughness of the coat in red and green, linear.
     #[serde(skip_serializing_if = "Option::is_none")]
     coat: Option<String>,
+    /// PNG: colour of the sheen, sRGB.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sheen: Option<String>,
+    /// PNG: roughness of the sheen in every channel, linear.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sheen_roughness: Option<String>,
 }
 
 /// Parameter of anisotropy for 127 steps of 8 bits.
@@ -101,13 +107,19 @@ fn lobes(maps: &Svbrdf) -> Vec<(&'static str, Vec<u8>)> {
     };
     let anisotropy = maps.anisotropy().map(|planes| ("anisotropy", rgb(planes, &step)));
     let coat = maps.coat().map(|planes| ("coat", rgb(planes, &byte)));
-    anisotropy.into_iter().chain(coat).collect()
+    let mut lobes: Vec<_> = anisotropy.into_iter().chain(coat).collect();
+    if let Some([r, g, b, roughness]) = maps.sheen() {
+        lobes.push(("sheen", colours([r, g, b])));
+        lobes.push(("sheen_roughness", roughness.iter().flat_map(|v| [byte(*v); 3]).collect()));
+    }
+    lobes
 }
 
 impl MapPictures {
     /// Size inside of the page.
     pub fn bytes(&self) -> usize {
-        let lobes = self.anisotropy.iter().chain(&self.coat).map(String::len).sum::<usize>();
+        let lobes = [&self.anisotropy, &self.coat, &self.sheen, &self.sheen_roughness];
+        let lobes = lobes.into_iter().flatten().map(String::len).sum::<usize>();
         let maps = [&self.normal, &self.diffuse, &self.specular, &self.roughness];
         lobes + maps.map(|p| p.len()).iter().sum::<usize>()
     }
@@ -134,6 +146,8 @@ impl MapPictures {
             scale: SCALE,
             anisotropy: lobe("anisotropy")?,
             coat: lobe("coat")?,
+            sheen: lobe("sheen")?,
+            sheen_roughness: lobe("sheen_roughness")?,
             normal: png(width, height, &normal, ExtendedColorType::Rgb8)?,
             diffuse: colour(maps.diffuse())?,
             specular: colour(maps.specular())?,

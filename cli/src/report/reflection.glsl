@@ -7,6 +7,7 @@ uniform sampler2D shape;     // two slopes of the normal, roughness
 uniform sampler2D diffuse;   // linear albedo
 uniform sampler2D specular;  // linear F0
 uniform sampler2D lobes;     // ln(alpha along / across) times cosine and sine of twice the angle; coat: weight, roughness
+uniform sampler2D sheen;     // linear colour of the sheen, its roughness
 uniform vec3 camera;         // mm, as the light
 uniform vec3 light;
 uniform float exposure;
@@ -37,8 +38,21 @@ float stretched(vec2 anisotropy, vec3 n, vec3 h) {
   return cosh(m) * dot(across, across) - sinhc * dot(anisotropy, turned);
 }
 
+// Reflection of white sheen, and its directional albedo.
+vec2 charlie(float rough, float nl, float nv, float sin2) {
+  float r = max(rough, MIN_SHEEN_ROUGHNESS);
+  float exponent = 1.0 / (r * r);
+  float density = (2.0 + exponent) * pow(max(sin2, SHEEN_MIN_SIN2), 0.5 * exponent) / (2.0 * PI);
+  float c = min(nl, nv);
+  vec3 linear = vec3(1.0, c, r), squares = vec3(c * r, c * c, r * r);
+  float top = dot(SHEEN_TOP, linear) + dot(SHEEN_TOP_SQUARES, squares);
+  float bottom = dot(SHEEN_BOTTOM, linear) + dot(SHEEN_BOTTOM_SQUARES, squares);
+  float albedo = clamp(top / bottom, 0.0, SHEEN_MAX_ALBEDO);
+  return vec2(density / (4.0 * (nl + nv - nl * nv)), albedo);
+}
+
 // BRDF times the cosine of the light.
-vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec4 optional, vec3 l, vec3 v) {
+vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec4 optional, vec4 fuzz, vec3 l, vec3 v) {
   vec3 sum = l + v;
   float length2 = max(dot(sum, sum), 4.0 * MIN_COSINE * MIN_COSINE);
   vec3 h = sum * inversesqrt(length2);
@@ -56,6 +70,11 @@ vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec4 optional, vec3 l, ve
   float coat = microfacets(optional.w, nl, nv, nh, sin2);
   float reflected = optional.z * (COAT_F0 + (1.0 - COAT_F0) * fresnel);
   vec3 below = kd / PI + base * (ks + (1.0 - ks) * fresnel);
+  float most = max(fuzz.r, max(fuzz.g, fuzz.b));
+  if (most > 0.0) {
+    vec2 white = charlie(fuzz.a, nl, nv, sin2);
+    below = below * (1.0 - most * white.y) + fuzz.rgb * white.x;
+  }
   return ((1.0 - reflected) * below + reflected * coat) * nl;
 }
 
@@ -73,6 +92,6 @@ void main() {
   vec3 l = normalize(light - position);
   vec3 v = normalize(camera - position);
   // A light of power pi: white paper that faces it comes out white.
-  vec3 radiance = PI * reflection(n, surface.z, kd, ks, texture(lobes, texel), l, v);
+  vec3 radiance = PI * reflection(n, surface.z, kd, ks, texture(lobes, texel), texture(sheen, texel), l, v);
   colour = vec4(srgb(exposure * radiance), 1.0);
 }

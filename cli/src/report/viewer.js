@@ -32,6 +32,17 @@ const Maps = (() => {
     return lobes;
   }
 
+  /** Texture data of the sheen: linear colour and roughness from values of 8 bits. */
+  function assembleSheen(n, colour, roughness) {
+    if (!colour) return null;
+    const sheen = new Float32Array(4 * n);
+    for (let i = 0; i < n; i++) {
+      for (let c = 0; c < 3; c++) sheen[4 * i + c] = LINEAR[colour(i, c)];
+      sheen[4 * i + 3] = roughness(i, 0) / 255;
+    }
+    return sheen;
+  }
+
   /** Texture data from unit normals' x and y, roughness and 8-bit sRGB colours. */
   function assemble(width, height, normal, roughness, diffuse, specular) {
     const n = width * height;
@@ -57,8 +68,8 @@ const Maps = (() => {
   /** The latest maps, in full. */
   async function full(pictures) {
     const { width, height } = pictures;
-    const names = ['normal', 'diffuse', 'specular', 'roughness', 'anisotropy', 'coat'];
-    const [normal, diffuse, specular, roughness, anisotropy, coat] = (
+    const names = ['normal', 'diffuse', 'specular', 'roughness', 'anisotropy', 'coat', 'sheen', 'sheen_roughness'];
+    const [normal, diffuse, specular, roughness, anisotropy, coat, sheen, fuzz] = (
       await Promise.all(names.map((name) => pictures[name] && pixels(pictures[name])))
     ).map((picture) => picture?.data);
     const value = (data) => data && ((i, c) => data[4 * i + c]);
@@ -74,6 +85,7 @@ const Maps = (() => {
       (i, c) => specular[4 * i + c],
     );
     maps.lobes = assembleLobes(width * height, pictures.scale, value(anisotropy), value(coat));
+    maps.sheen = assembleSheen(width * height, value(sheen), value(fuzz));
     return maps;
   }
 
@@ -96,6 +108,7 @@ const Maps = (() => {
       (i, c) => data[at(2, i) + c],
     );
     maps.lobes = assembleLobes(width * height, scale, lobe('anisotropy'), lobe('coat'));
+    maps.sheen = assembleSheen(width * height, lobe('sheen'), lobe('sheen_roughness'));
     return maps;
   }
 
@@ -129,7 +142,7 @@ class Viewer {
       gl_Position = flatView ? vec4(corner, 0.0, 1.0) : vec4(seen.xy * scale, 0.0, -seen.z);
     }`;
 
-  static TEXTURES = ['shape', 'diffuse', 'specular', 'lobes'];
+  static TEXTURES = ['shape', 'diffuse', 'specular', 'lobes', 'sheen'];
 
   constructor(canvas, fragment, sampleMm) {
     const gl = canvas.getContext('webgl2', { antialias: true, alpha: true });
@@ -176,7 +189,7 @@ class Viewer {
     const gl = this.gl;
     this.textures?.forEach((texture) => gl.deleteTexture(texture));
     this.textures = Viewer.TEXTURES.map((name, unit) => {
-      // Without lobes: neither anisotropy nor a coat.
+      // Without lobes: neither anisotropy nor a coat; without sheen: black.
       const [width, height, values] = maps[name] ? [maps.width, maps.height, maps[name]] : [1, 1, new Float32Array(4)];
       const texture = gl.createTexture();
       gl.activeTexture(gl.TEXTURE0 + unit);

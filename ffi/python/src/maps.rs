@@ -22,7 +22,7 @@ use crate::lobes_input;
 /// Normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
 /// Row 0 is the sample's +Y edge, column 0 its -X edge. Every access to ``normal``, ``diffuse``, ``specular``,
-/// ``roughness``, ``anisotropy``, ``coat`` makes a new array of ``float32``.
+/// ``roughness``, ``anisotropy``, ``coat``, ``sheen`` makes a new array of ``float32``.
 #[pyclass(frozen, module = "svbrdf")]
 pub struct Maps {
     maps: Arc<Svbrdf>,
@@ -105,7 +105,7 @@ impl Maps {
     /// Maps of arrays: ``normal`` (height, width, 3), unit vectors, Y up; ``diffuse`` and ``specular`` (height, width, 3),
     /// linear, 0 to 1; ``roughness`` (height, width), 0 to 1. Slopes are limited to 3 (71.6 degrees). Optional lobes:
     /// ``anisotropy`` (height, width, 3), cosine and sine of the direction and strength; ``coat`` (height, width, 2), weight
-    /// and roughness.
+    /// and roughness; ``sheen`` (height, width, 4), linear RGB and roughness.
     ///
     /// >>> import numpy as np
     /// >>> flat = np.zeros((2, 2, 3)); flat[..., 2] = 1
@@ -115,7 +115,7 @@ impl Maps {
     /// array([[0.4, 0.4],
     ///        [0.4, 0.4]], dtype=float32)
     #[staticmethod]
-    #[pyo3(signature = (normal, diffuse, specular, roughness, *, sample_mm, anisotropy = None, coat = None))]
+    #[pyo3(signature = (normal, diffuse, specular, roughness, *, sample_mm, anisotropy = None, coat = None, sheen = None))]
     fn from_arrays(
         py: Python<'_>,
         normal: &Bound<'_, PyAny>,
@@ -125,8 +125,13 @@ impl Maps {
         sample_mm: (f32, f32),
         anisotropy: Option<&Bound<'_, PyAny>>,
         coat: Option<&Bound<'_, PyAny>>,
+        sheen: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let optional = [anisotropy.map(|a| ("anisotropy", a, 3)), coat.map(|c| ("coat", c, 2))];
+        let optional = [
+            anisotropy.map(|a| ("anisotropy", a, 3)),
+            coat.map(|c| ("coat", c, 2)),
+            sheen.map(|s| ("sheen", s, 4)),
+        ];
         let given = [
             ("normal", normal, 3),
             ("diffuse", diffuse, 3),
@@ -152,10 +157,12 @@ impl Maps {
         let roughness = read.next().expect("four arrays");
         let anisotropy = anisotropy.and_then(|_| read.next());
         let coat = coat.and_then(|_| read.next());
+        let sheen = sheen.and_then(|_| read.next());
         let (roughness, lobes) = lobes_input::planes(
             roughness,
             anisotropy.as_ref().map(|values| values.as_chunks::<3>().0.iter().copied()),
             coat.as_ref().map(|values| values.as_chunks::<2>().0.iter().copied()),
+            sheen.as_ref().map(|values| values.as_chunks::<4>().0.iter().copied()),
         );
         planes.extend(roughness);
         let sample_mm = lengths(sample_mm)?;
@@ -250,6 +257,14 @@ impl Maps {
     fn coat<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
         let shown = Shown::of(&self.maps).coat;
         shown.then(|| self.texels(py, |i| lobes::coat(&self.maps, i)))
+    }
+
+    /// Colour (linear RGB) and roughness of sheen, (height, width, 4), as glTF's ``KHR_materials_sheen``. ``None`` where the
+    /// material has none.
+    #[getter]
+    fn sheen<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
+        let shown = Shown::of(&self.maps).sheen;
+        shown.then(|| self.texels(py, |i| lobes::sheen(&self.maps, i)))
     }
 
     /// Standard deviations, each (height, width), under ``normal`` (of each slope), ``diffuse``, ``specular`` (of each

@@ -77,17 +77,19 @@ def test_optional_lobes_come_back_or_are_none(
     arrays: dict[str, np.ndarray], brushed: np.ndarray, tmp_path: pathlib.Path
 ) -> None:
     plain = svbrdf.Maps.from_arrays(**arrays, sample_mm=(80, 60))
-    assert plain.anisotropy is None and plain.coat is None
+    assert plain.anisotropy is None and plain.coat is None and plain.sheen is None
     coat = np.dstack([np.full(SHAPE, 0.5), np.full(SHAPE, 0.1)])
+    sheen = np.dstack([np.full(SHAPE, v) for v in (0.3, 0.2, 0.0, 0.6)])
     # Ratios of alpha up to 20 are kept.
     arrays["roughness"] = np.maximum(arrays["roughness"], 0.2)
-    for given in ({"anisotropy": brushed}, {"coat": coat}, {"anisotropy": brushed, "coat": coat}):
+    all_lobes = {"anisotropy": brushed, "coat": coat, "sheen": sheen}
+    for given in ({"anisotropy": brushed}, {"coat": coat}, {"sheen": sheen}, all_lobes):
         maps = svbrdf.Maps.from_arrays(**arrays, **given, sample_mm=(80, 60))
         folder = tmp_path / "-".join(given)
         maps.save(folder)
         for shown in (maps, svbrdf.Maps.load(folder)):
             assert np.allclose(shown.roughness, arrays["roughness"], atol=1e-5)
-            for name in ("anisotropy", "coat"):
+            for name in all_lobes:
                 found = getattr(shown, name)
                 assert (found is None) == (name not in given)
                 if found is not None:
@@ -95,9 +97,13 @@ def test_optional_lobes_come_back_or_are_none(
                     assert np.allclose(found, given[name], atol=1e-4), name
     # A lobe that is nowhere there is not shown.
     nothing = svbrdf.Maps.from_arrays(
-        **arrays, anisotropy=brushed * (1, 1, 0), coat=coat * (0, 1), sample_mm=(80, 60)
+        **arrays,
+        anisotropy=brushed * (1, 1, 0),
+        coat=coat * (0, 1),
+        sheen=sheen * (0, 0, 0, 1),
+        sample_mm=(80, 60),
     )
-    assert nothing.anisotropy is None and nothing.coat is None
+    assert nothing.anisotropy is None and nothing.coat is None and nothing.sheen is None
 
 
 def test_highlights_are_longer_along_the_larger_alpha() -> None:
@@ -125,6 +131,8 @@ def test_highlights_are_longer_along_the_larger_alpha() -> None:
         ("coat", lambda a: a),
         ("coat", lambda a: a[:-1, :, :2]),
         ("coat", lambda a: a[..., :2] - 2),
+        ("sheen", lambda a: a),
+        ("sheen", lambda a: np.dstack([a, a[..., :1] + 2])),
     ],
 )
 def test_wrong_lobes_are_named(

@@ -187,7 +187,7 @@ func float(_ bits: UInt16) -> Float {
     return bits >> 15 == 1 ? -value : value
 }
 
-/// Maps of values in memory, with and without anisotropy and a coat.
+/// Maps of values in memory, with and without anisotropy, a coat and sheen.
 func lobes() async throws {
     func everywhere(_ texel: [Float]) -> [Float] { (0..<16).flatMap { _ in texel } }
     var values = MapValues(
@@ -202,6 +202,16 @@ func lobes() async throws {
     values.anisotropy = everywhere([0.6, 0.8, 0.5])
     let maps = try MaterialMaps(values)
     try verify(maps.lobes == [.anisotropy, .coat], "\(maps.lobes)")
+    values.sheen = everywhere([0.5, 0.25, 0])
+    try await expect(.invalidArgument, field: "svbrdf_maps_input.sheen_roughness") { try MaterialMaps(values) }
+    values.sheenRoughness = everywhere([0.6])
+    let velvet = try MaterialMaps(values)
+    try verify(velvet.lobes == [.anisotropy, .coat, .sheen], "\(velvet.lobes)")
+    for (map, expected) in [(MapKind.sheen, [0.5, 0.25, 0, 1]), (.sheenRoughness, [0.6, 0.6, 0.6, 1])] as [(MapKind, [Float])] {
+        let found = try velvet.texture(map, .rgba32Float).bytes.withUnsafeBytes { Array($0.bindMemory(to: Float.self)) }
+        try verify(found.indices.allSatisfy { found[$0] == expected[$0 % 4] }, "\(map): \(found)")
+    }
+    (values.sheen, values.sheenRoughness) = (nil, nil)
     for (map, expected) in [(MapKind.anisotropy, [0.6, 0.8, 0.5, 1]), (.coat, [0.75, 0.1, 0, 1]), (.roughness, [1, 0.25, 0, 1])] as [(MapKind, [Float])] {
         let found = try maps.texture(map, .rgba32Float).bytes.withUnsafeBytes { Array($0.bindMemory(to: Float.self)) }
         try verify(found.indices.allSatisfy { abs(found[$0] - expected[$0 % 4]) < 1e-4 }, "\(map): \(found)")

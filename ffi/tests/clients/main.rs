@@ -101,7 +101,7 @@ fn maps_are_shown_and_boards_printed() {
 }
 
 #[test]
-fn maps_with_anisotropy_and_a_coat_are_taken_shown_and_written() {
+fn maps_with_optional_lobes_are_taken_shown_and_written() {
     let dir = workplace();
     run(&mut client(&SANITIZED_C.program(), "lobes", dir.path()));
     let maps = read_maps(dir.path().join("lobes")).unwrap();
@@ -114,6 +114,8 @@ fn maps_with_anisotropy_and_a_coat_are_taken_shown_and_written() {
     assert!((x - log_ratio * cos).hypot(y - log_ratio * sin) < 1e-3, "{x} {y}");
     let [weight, roughness] = maps.coat().unwrap().map(|plane| plane.last().unwrap());
     assert!(*weight == 0.5 && (roughness - 0.3).abs() < 1e-6, "{weight} {roughness}");
+    let [r, g, b, roughness] = maps.sheen().unwrap().map(|plane| plane.last().unwrap());
+    assert!([*r, *g, *b] == [0.2, 0.4, 0.6] && (roughness - 0.76).abs() < 1e-6);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 const KINDS = [['normal', 'Normal'], ['diffuse', 'Diffuse albedo'], ['specular', 'Specular albedo (F0)'], ['roughness', 'Roughness']];
 /** Only materials that show these lobes have their maps. */
-const LOBES = [['anisotropy', 'Anisotropy'], ['coat', 'Coat']];
+const LOBES = [['anisotropy', 'Anisotropy'], ['coat', 'Coat'], ['sheen', 'Sheen'], ['sheen_roughness', 'Sheen roughness']];
 const LIGHTINGS = [
   { label: 'From above', light: [18, 24], view: [0, 0], exposure: 1 },
   { label: 'Raking', light: [-76, 10], view: [0, 0], exposure: 2.2 },

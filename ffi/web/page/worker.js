@@ -59,6 +59,7 @@ function show(settled) {
     for (const name of ['shape', 'diffuse', 'specular']) maps[name] = scan.texture(name);
     const lobes = scan.lobes().split('\n').filter(Boolean);
     if (lobes.length) maps.lobes = scan.texture('lobes');
+    if (lobes.includes('sheen')) maps.sheen = scan.texture('sheen');
     for (const name of ['normal', 'diffuse', 'specular', 'roughness', ...lobes]) maps[`${name}Picture`] = scan.picture(name);
     const buffers = Object.values(maps).filter((v) => ArrayBuffer.isView(v)).map((v) => v.buffer);
     tell({ type: 'maps', maps, photographs: progress.photographs }, buffers);

@@ -190,7 +190,8 @@ impl Scan {
         Ok(vec![maps.width() as u32, maps.height() as u32])
     }
 
-    /// Which optional lobes the material shows: of `anisotropy` and `coat`, one a line.
+    /// Which maps of optional lobes the material has: of `anisotropy`, `coat`, `sheen` and `sheen_roughness`,
+    /// one a line.
     ///
     /// # Errors
     /// Before the first photograph was accepted.
@@ -212,7 +213,7 @@ impl Scan {
 
     /// A texture of the viewer, four numbers a texel: `shape` (two slopes of the normal, roughness as the
     /// geometric mean of both alphas has it), `diffuse` or `specular` (linear), or, where there are any,
-    /// `lobes` (the planes of `svbrdf::svbrdf::lobe`).
+    /// `lobes` (anisotropy and coat, the first planes of `svbrdf::svbrdf::lobe`) and `sheen` (the others).
     ///
     /// # Errors
     /// As [`Scan::picture`].
@@ -253,7 +254,8 @@ impl Scan {
     }
 
     /// A file of the maps: `material.glb`, `material.usdz`, `normal.png`, `diffuse.png`,
-    /// `specular.png`, `roughness.png` or `maps.exr`; where there are such lobes, `anisotropy.png` or `coat.png`.
+    /// `specular.png`, `roughness.png` or `maps.exr`; where there are such lobes, `anisotropy.png`, `coat.png`,
+    /// `sheen.png` or `sheen_roughness.png`.
     ///
     /// # Errors
     /// Before the first photograph was accepted, and for another name.

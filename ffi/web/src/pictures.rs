@@ -10,8 +10,13 @@ const SMALL: u32 = 480;
 
 /// Names of the optional lobes that the material shows.
 pub fn lobe_names(maps: &Svbrdf) -> Vec<&'static str> {
-    let Shown { anisotropy, coat } = Shown::of(maps);
-    let named = [(anisotropy.is_some(), "anisotropy"), (coat, "coat")];
+    let Shown { anisotropy, coat, sheen } = Shown::of(maps);
+    let named = [
+        (anisotropy.is_some(), "anisotropy"),
+        (coat, "coat"),
+        (sheen, "sheen"),
+        (sheen, "sheen_roughness"),
+    ];
     named.into_iter().filter_map(|(shown, name)| shown.then_some(name)).collect()
 }
 
@@ -36,6 +41,11 @@ pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
             let [weight, roughness] = lobes::coat(maps, i);
             [weight, roughness, 0.0]
         }),
+        "sheen" if shown.sheen => Box::new(|i| {
+            let [r, g, b, _] = lobes::sheen(maps, i);
+            [r, g, b].map(srgb)
+        }),
+        "sheen_roughness" if shown.sheen => Box::new(|i| [lobes::sheen(maps, i)[3]; 3]),
         _ => return None,
     };
     let texel = |i| {
@@ -51,6 +61,11 @@ pub fn texture(maps: &Svbrdf, name: &str) -> Option<Vec<f32>> {
         let planes = [0, 1, 2, 3].map(|lobe| maps.lobe(lobe));
         let [Some(x), Some(y), Some(coat), Some(roughness)] = planes else { return None };
         let texel = |i| [x[i], y[i], coat[i], roughness[i]];
+        return Some((0..maps.texels()).flat_map(texel).collect());
+    }
+    if name == "sheen" {
+        let [r, g, b, roughness] = maps.sheen()?;
+        let texel = |i| [r[i], g[i], b[i], roughness[i]];
         return Some((0..maps.texels()).flat_map(texel).collect());
     }
     let [x, y, z] = match name {

@@ -117,7 +117,9 @@ impl Reflectance {
         };
         let Some(base) = &base else { return [coat; 3] };
         let sheen = texel.sheen.or(self.model.sheen);
-        let (white, dimmed) = sheen.map_or((0.0, 1.0), |s| (s.white(base), s.passed(base)));
+        let (cosines, sin2) = ([base.light.z, base.view.z], base.half.truncate().length_squared());
+        let (white, dimmed) =
+            sheen.map_or((0.0, 1.0), |s| (s.white(cosines, sin2), s.passed(cosines)));
         std::array::from_fn(|c| {
             let diffuse = texel.diffuse[c] * base.diffuse(self.model.oren_nayar);
             let specular = base.fresnel(texel.f0[c]) * self.specular(base, alphas);

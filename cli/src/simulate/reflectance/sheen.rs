@@ -6,8 +6,6 @@ use std::f64::consts::PI;
 use serde::Serialize;
 use svbrdf::reflectance::sheen_albedo;
 
-use super::Directions;
-
 /// Least squared sine between half vector and normal.
 const LEAST_SIN2: f64 = 1.0 / 128.0;
 
@@ -21,19 +19,18 @@ pub struct Sheen {
 }
 
 impl Sheen {
-    /// Reflection of white sheen times the cosine.
-    pub(super) fn white(&self, directions: &Directions) -> f64 {
+    /// Reflection of white sheen times the cosine, for the cosines of light and view and the squared sine between
+    /// half vector and normal.
+    pub(super) fn white(&self, [l, v]: [f64; 2], sin2: f64) -> f64 {
         let exponent = self.roughness.powi(-2);
-        let sin2 = directions.half.truncate().length_squared().max(LEAST_SIN2);
-        let density = (2.0 + exponent) * sin2.powf(0.5 * exponent) / (2.0 * PI);
-        let (l, v) = (directions.light.z, directions.view.z);
+        let density = (2.0 + exponent) * sin2.max(LEAST_SIN2).powf(0.5 * exponent) / (2.0 * PI);
         density / (4.0 * (l + v - l * v)) * l
     }
 
     /// Share of the light that passes to the base and back.
-    pub(super) fn passed(&self, directions: &Directions) -> f64 {
+    pub(super) fn passed(&self, [l, v]: [f64; 2]) -> f64 {
         let most = self.colour.into_iter().fold(0.0, f64::max);
-        let [albedo, ..] = sheen_albedo(directions.light.z.min(directions.view.z), self.roughness);
+        let [albedo, ..] = sheen_albedo(l.min(v), self.roughness);
         1.0 - most * albedo
     }
 }

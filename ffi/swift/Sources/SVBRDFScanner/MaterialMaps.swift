@@ -10,6 +10,10 @@ public enum MapKind: Hashable, Sendable, CaseIterable {
     case anisotropy
     /// Of materials with `Lobes.coat`: weight, roughness, 0, as glTF's KHR_materials_clearcoat.
     case coat
+    /// Of materials with `Lobes.sheen`: colour, linear Rec. 709, as glTF's KHR_materials_sheen.
+    case sheen
+    /// Of materials with `Lobes.sheen`: roughness of the sheen.
+    case sheenRoughness
 
     var code: svbrdf_map {
         switch self {
@@ -20,6 +24,8 @@ public enum MapKind: Hashable, Sendable, CaseIterable {
         case .normalDirectX: svbrdf_map(SVBRDF_MAP_NORMAL_DIRECTX)
         case .anisotropy: svbrdf_map(SVBRDF_MAP_ANISOTROPY)
         case .coat: svbrdf_map(SVBRDF_MAP_COAT)
+        case .sheen: svbrdf_map(SVBRDF_MAP_SHEEN)
+        case .sheenRoughness: svbrdf_map(SVBRDF_MAP_SHEEN_ROUGHNESS)
         }
     }
 }
@@ -36,6 +42,8 @@ public struct Lobes: OptionSet, Hashable, Sendable {
     public static let anisotropy = Self(rawValue: UInt32(SVBRDF_LOBE_ANISOTROPY))
     /// A clear coat: `MapKind.coat`.
     public static let coat = Self(rawValue: UInt32(SVBRDF_LOBE_COAT))
+    /// Sheen of cloth: `MapKind.sheen` and `MapKind.sheenRoughness`.
+    public static let sheen = Self(rawValue: UInt32(SVBRDF_LOBE_SHEEN))
 }
 
 /// Texels as Metal takes them.
@@ -44,9 +52,9 @@ public enum TexelFormat: Hashable, Sendable, CaseIterable {
     case rgba16Float
     /// `.rgba32Float`.
     case rgba32Float
-    /// Bytes: `.rgba8Unorm_srgb` for diffuse and specular, `.rgba8Unorm` for the others.
+    /// Bytes: `.rgba8Unorm_srgb` for diffuse, specular and sheen, `.rgba8Unorm` for the others.
     case rgba8
-    /// `.r8Unorm`, for roughness.
+    /// `.r8Unorm`, for roughness and sheen roughness.
     case r8
 
     var code: svbrdf_map_format {

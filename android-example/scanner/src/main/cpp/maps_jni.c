@@ -28,8 +28,8 @@ static jint maps_lobes(JNIEnv *env, jclass class, jobject owner, jlong handle)
 static jlong maps_from_memory(JNIEnv *env, jclass class, jint width, jint height, jfloat width_mm,
                               jfloat height_mm, jobjectArray arrays)
 {
-    enum { MAPS = 6 };
-    static const jlong channels[MAPS] = {3, 3, 3, 1, 3, 3};
+    enum { MAPS = 8 };
+    static const jlong channels[MAPS] = {3, 3, 3, 1, 3, 3, 3, 1};
     jfloatArray array[MAPS] = {NULL};
     jfloat *data[MAPS] = {NULL};
     svbrdf_maps_input input;
@@ -60,6 +60,8 @@ static jlong maps_from_memory(JNIEnv *env, jclass class, jint width, jint height
         input.roughness = data[3];
         input.anisotropy = data[4];
         input.coat = data[5];
+        input.sheen = data[6];
+        input.sheen_roughness = data[7];
         throw_status(env, svbrdf_maps_from_memory(&input, &maps));
     }
     for (i = 0; i < MAPS; i++) {

@@ -91,6 +91,12 @@ enum class MapKind(internal val code: Int, internal val channels: Int) {
 
     /** Of materials with [Lobe.COAT] only: weight, roughness, 0, as glTF's KHR_materials_clearcoat. */
     COAT(7, 3),
+
+    /** Of materials with [Lobe.SHEEN] only: colour, as glTF's KHR_materials_sheen, linear Rec. 709; 8 bits: sRGB. */
+    SHEEN(8, 3),
+
+    /** Of materials with [Lobe.SHEEN] only: roughness of the sheen. */
+    SHEEN_ROUGHNESS(9, 1),
 }
 
 /** What a material may show beside the maps that all have. */
@@ -100,6 +106,9 @@ enum class Lobe(internal val code: Int) {
 
     /** A clear coat: [MapKind.COAT]. */
     COAT(2),
+
+    /** Sheen of cloth: [MapKind.SHEEN] and [MapKind.SHEEN_ROUGHNESS]. */
+    SHEEN(4),
 }
 
 /** How texels lie in memory; numbers of more than a byte in the machine's byte order. */
