@@ -34,12 +34,14 @@ fun callbacksThatMisbehave() {
     Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
     val closed = CountDownLatch(1)
     val late = AtomicInteger()
+    val caller = AtomicReference<Thread>()
     val listener = object : MaterialScanner.Listener {
         override fun onMaps(scanner: MaterialScanner) {
             throw IllegalStateException("mine")
         }
 
         override fun onProgress(scanner: MaterialScanner, progress: Progress) {
+            caller.set(Thread.currentThread())
             if (closed.count == 0L) {
                 late.incrementAndGet()
             }
@@ -52,7 +54,8 @@ fun callbacksThatMisbehave() {
     val outcome = runCatching { scanner.addRectifiedPhoto(gray(), above, above) }
     verify(outcome.getOrNull() is Outcome.Accepted) { "$outcome" }
     verify(closed.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
-    Thread.sleep(50)
+    // After its end nothing can call.
+    caller.get().join()
     Thread.setDefaultUncaughtExceptionHandler(before)
     verify(uncaught.any() && uncaught.all { it.message == "mine" }) { "$uncaught" }
     verify(late.get() == 0) { "$late" }
@@ -78,19 +81,24 @@ fun callbacksThatMisbehave() {
 }
 
 fun closingWhileOthersCall() {
-    repeat(10) {
+    repeat(10) { round ->
         val scanner = MaterialScanner(small, ScannerFlows())
         val surprise = AtomicReference<Throwable>()
+        val inside = List(4) { CountDownLatch(1) }
         val workers = List(4) { worker ->
             thread {
                 try {
                     while (true) {
+                        if (round % 2 == 0) {
+                            inside[worker].countDown()
+                        }
                         when (worker) {
                             0 -> scanner.addRectifiedPhoto(gray(), above, above)
                             1 -> scanner.snapshot()?.use { it.rgba8(MapKind.NORMAL) }
                             2 -> scanner.await(1)
                             else -> scanner.progress
                         }
+                        inside[worker].countDown()
                     }
                 } catch (expected: IllegalStateException) {
                     // Closed.
@@ -98,10 +106,13 @@ fun closingWhileOthersCall() {
                     if ((thrown as? ScannerException)?.fault != Fault.CANCELLED) {
                         surprise.set(thrown)
                     }
+                } finally {
+                    inside[worker].countDown()
                 }
             }
         }
-        Thread.sleep(30)
+        // In their first calls, or after them.
+        inside.forEach { it.await() }
         scanner.close()
         workers.forEach { it.join() }
         surprise.get()?.let { throw it }

@@ -336,15 +336,16 @@ void destroyed_inside(const std::string&) {
         std::atomic<bool> armed{false};
         const auto end = ended.ending();
         const auto once = [&armed, end] {
-            if (armed.exchange(false)) {
+            const bool now = armed.exchange(false);
+            if (now) {
                 end();
             }
+            return now;
         };
         svbrdf::Callbacks callbacks;
         if (where == in_progress) {
             callbacks.progress = [once](svbrdf::SessionView view, const svbrdf::Progress&) {
-                once();
-                CHECK(thrown([&] { view.pause(); }) == StatusCode::invalid_handle);
+                CHECK(!once() || thrown([&] { view.pause(); }) == StatusCode::invalid_handle);
             };
         } else if (where == in_maps) {
             callbacks.maps = [once](svbrdf::SessionView) { once(); };
