@@ -23,7 +23,7 @@ use super::setup::{Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::coordinates::Coordinates;
-use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior};
+use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, Omission};
 use crate::estimate::photographs::Photographs;
 use crate::svbrdf::NO_LOBES;
 
@@ -80,6 +80,9 @@ impl PriorChoice {
             // One photograph cannot separate a coat from the tail of a highlight.
             lobes.truncate(2);
             priors = vec![*few];
+        }
+        if options.schedule.without.contains(&Omission::Lobes) {
+            lobes.truncate(1);
         }
         let neutral = priors.first().copied().unwrap_or_default();
         let with =
