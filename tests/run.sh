@@ -2,7 +2,7 @@
 # Runs the checks of the repository:
 #
 #   tests/run.sh            all of them; arguments are handed to cargo test
-#   tests/run.sh --quick    formatting, unit tests, documents, command line, C and C++ clients
+#   tests/run.sh --quick    formatting, spelling, unit tests, documents, command line, C and C++ clients
 #
 # --quick needs Rust and a C and a C++ compiler, and installs nothing: 14 minutes on two cores the first time, four
 # where dependencies have been compiled.
@@ -15,7 +15,7 @@
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
 #   nodejs, chromium, fonts-dejavu-core, python3-venv   validators of exports, report.html in a browser
-# and, below target/, packages of npm and PyPI (validators; maturin, numpy, pytest and mypy for the Python
+# and, below target/, packages of npm and PyPI (validators, typos; maturin, numpy, pytest and mypy for the Python
 # module), a Kotlin compiler, and a Swift compiler from Debian 13: 2 GB altogether.
 #
 # Debian 12 and 13 have all of these packages. Ubuntu's chromium is a snap, which these checks cannot start as
@@ -63,10 +63,15 @@ trap finish EXIT
 
 if [ -n "$quick" ]; then
   cargo fmt --all --check
-  # As the default members are built: of one package alone, dependencies would be compiled anew.
-  cargo test --release --lib --bins --test structure --test documents --test dependencies --test session \
-    --test header --test fit --test commands "$@"
-  SVBRDF_TEST_QUICK=1 cargo test --release --test clients "$@" -- --skip valgrind
+  tests/spelling.sh --installed
+  # One selection of packages: of one package alone, dependencies would be compiled anew.
+  packages=(-p svbrdf -p svbrdf-models -p svbrdf-cli -p svbrdf-ffi)
+  tests=(--lib --bins --test structure --test documents --test dependencies --test session --test header --test fit
+    --test commands)
+  cargo build --release "${packages[@]}" "${tests[@]}" --test clients
+  export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
+  cargo test --release "${packages[@]}" "${tests[@]}" "$@"
+  SVBRDF_TEST_QUICK=1 cargo test --release "${packages[@]}" --test clients "$@" -- --skip valgrind
   exit 0
 fi
 
@@ -112,6 +117,7 @@ log=$(mktemp)
 (
   tests/package.sh
   tests/licences.sh
+  tests/spelling.sh
   tests/report.sh
   tests/exports.sh
   cargo clippy --release "${packages[@]}" --all-targets --quiet -- -D warnings
