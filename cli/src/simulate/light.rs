@@ -1,4 +1,4 @@
-//! What lights the sample.
+//! The light on the sample.
 
 use glam::DVec3;
 
@@ -18,7 +18,7 @@ pub struct Light {
 }
 
 impl Light {
-    /// What arrives from the flash at a point, on a surface that faces it.
+    /// Irradiance by the flash at a point, on a surface that faces it.
     pub fn irradiance(&self, point: DVec3) -> f64 {
         let ray = point - self.place;
         let cosine = ray.normalize().dot(self.axis).max(0.0);

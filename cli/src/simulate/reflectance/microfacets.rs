@@ -131,7 +131,7 @@ mod tests {
         }
     }
 
-    /// What defines Smith's masking: the visible facets cover the surface as seen, no more, no less.
+    /// The definition of Smith's masking: the visible facets cover exactly the visible surface.
     #[test]
     fn visible_facets_cover_what_is_seen() {
         for tails in TAILS {

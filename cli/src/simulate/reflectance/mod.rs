@@ -1,5 +1,5 @@
-//! What materials reflect, computed apart from the library: with exact Smith masking, and with lobes
-//! that its isotropic GGX cannot make.
+//! Reflectance of materials, independent of the library's: with exact Smith masking, and with lobes that its
+//! model does not have.
 //!
 //! ```text
 //! f = (diffuse + D F G / (4 NoL NoV)) (1 - w Fc) + w Dc Fc Gc / (4 NoL NoV)
@@ -141,7 +141,7 @@ impl Reflectance {
         })
     }
 
-    /// What a coat reflects, times the cosine, and the share that it lets pass both ways.
+    /// A coat's reflectance times the cosine, and its transmittance both ways.
     fn coat(&self, coat: &Coat, to: [DVec3; 2], level: DVec3) -> (f64, f64) {
         let Some(directions) = Directions::new(to, level, DVec3::X) else { return (0.0, 1.0) };
         let reflected = coat.weight * directions.fresnel(COAT_F0);
@@ -191,7 +191,7 @@ mod tests {
             let (a, b) = (direction(0.7, 0.4), direction(1.1, 2.9));
             let there = reflectance.reflect(&texel, a, b)[0];
             let back = reflectance.reflect(&texel, b, a)[0];
-            // the base's cosine is what differs; a coat's lobe has the level one's
+            // Only the base has the cosine of the normal map; a coat has that of the level surface.
             let coat = model.coat.map_or([0.0; 2], |coat| {
                 [[a, b], [b, a]].map(|to| reflectance.coat(&coat, to, texel.level).0)
             });
@@ -202,8 +202,8 @@ mod tests {
         }
     }
 
-    /// No more leaves than came: of a metal that absorbs nothing, and of a white base. A metal loses
-    /// what is scattered twice, most with long tails at grazing angles.
+    /// No more light leaves than arrives: of a metal that absorbs nothing, and of a white base. A metal loses light
+    /// that is scattered twice, most with long tails at grazing angles.
     #[test]
     fn lobes_create_no_energy() {
         for model in models() {

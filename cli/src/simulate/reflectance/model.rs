@@ -1,4 +1,4 @@
-//! What a material shows beyond one lobe of isotropic GGX on a Lambertian base, drawn at random.
+//! Random reflectance beyond one lobe of isotropic GGX on a Lambertian base.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -54,7 +54,7 @@ pub struct Haze {
     pub alpha: f64,
 }
 
-/// A dielectric layer of F0 0.04 over the base, which is dimmed by what the layer reflects.
+/// A dielectric layer of F0 0.04 over the base. Its reflection dims the base.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Coat {
     /// 0 to 1.
@@ -160,7 +160,7 @@ impl Model {
 mod tests {
     use super::*;
 
-    /// Each kind has what its name says and nothing else.
+    /// Each kind differs in the property of its name alone.
     #[test]
     fn kinds_differ_from_ggx_in_one_thing() {
         let mut random = Random::new(3);
