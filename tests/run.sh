@@ -25,9 +25,9 @@
 # tests/thread-sanitizer.sh, tests/blender.sh, tests/web.sh, tests/many.sh (Dask); and those that start daemons or change
 # roots: tests/slurm.sh, tests/image.sh, tests/bionic.sh.
 #
-# What is left out is said, counted at the end, and fails the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
-# may name a folder with further captures: what is missing there fails; without it, tests that need it
-# are left out.
+# Skipped checks are reported, counted at the end, and fail the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
+# may name a folder with further captures: a missing file there is a failure. Without it, tests that need it
+# are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -44,7 +44,7 @@ SVBRDF_SKIPPED=$(mktemp)
 export SVBRDF_SKIPPED
 finish() {
   local status=$? count
-  # What still runs beside a check that has failed.
+  # Checks that still run beside a failed one.
   kill $(jobs -p) 2>/dev/null || true
   count=$(sort -u "$SVBRDF_SKIPPED" | wc -l)
   if [ "$count" -gt 0 ]; then
@@ -110,8 +110,8 @@ cargo build --release "${packages[@]}" --lib --bins --tests
 export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
 
-# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end. What
-# uses cargo comes last: the tests hold the lock of its folder until they are compiled. Lints and documentation
+# Beside the tests, which leave a processor idle while they wait for the last of a file; shown at the end. Checks that
+# use cargo come last: the tests hold the lock of its folder until they are compiled. Lints and documentation
 # use the macros and build scripts that are there, and check dependencies once for both.
 log=$(mktemp)
 (

@@ -25,7 +25,7 @@ finish() {
   [ $status = 0 ] || tail -n 5 "$work"/*.log "$work"/out/*.log 2>/dev/null || true
   scancel --full --signal=KILL --user="$(id -un)" 2>/dev/null || true
   for pid in "${daemons[@]}"; do kill -KILL "$pid" 2>/dev/null || true; done
-  # What Slurm keeps running beside its daemons: only processes of this cluster.
+  # Processes that Slurm runs beside its daemons, of this cluster only.
   for name in a b; do steps "$name" | xargs -r kill -KILL 2>/dev/null || true; done
   rm -rf "$work"
   exit $status

@@ -1,4 +1,4 @@
-//! What `fit` and others leave behind when streams are closed, runs are killed or names are of the wrong kind.
+//! Files after closed streams, killed runs, and names of the wrong kind.
 #![cfg(unix)]
 
 mod common;
@@ -75,7 +75,7 @@ fn streams_that_are_closed_or_full_cost_nothing() {
         assert_eq!(command(&arguments).stdout(stream).status().unwrap().code(), Some(0), "{name}");
         assert!(is_complete(&out), "{name}");
     }
-    // What is printed is all that there is: lost on a full disk, but read as far as somebody wanted to.
+    // Standard output is their only result: a full disk is a failure, a reader that leaves early is not.
     let source = dir.path().join("source");
     let board = dir.path().join("board.svg");
     for arguments in [["compare", text(&source), text(&source)], ["board", "--out", text(&board)]] {
@@ -126,7 +126,7 @@ fn killed_runs_leave_no_report_beside_other_maps() {
     assert_eq!(fit("classic", &["--no-report"]).status().unwrap().code(), Some(0));
     assert!(is_complete(&out) && temporaries(&out) == 0, "{:?}", names(&out));
 
-    // What `--skip-existing` believes: this set as it is.
+    // `--skip-existing` accepts only the complete set of unchanged files.
     let skip = || {
         let output = fit("classic", &["--no-report", "--skip-existing", "--log", "json"])
             .stdout(Stdio::piped())

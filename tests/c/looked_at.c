@@ -232,7 +232,7 @@ static void on_line(void *user, svbrdf_log_level level, const char *message)
     }
 }
 
-/* Progress names what the fit does. */
+/* Progress names the phase of the fit. */
 static void phases(void)
 {
     svbrdf_session_options options;
@@ -301,7 +301,7 @@ static void guided(const picture *first, const picture *second)
     rgb8(&image, first);
     OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
     preview(&image, first);
-    /* The fit tells between two steps what views are worth: here it is paused, and still does. */
+    /* The fit judges views between two steps, also while it is paused. */
     ms = 400;
     do {
         guidance = guided_at(session, &image, ms);
@@ -311,7 +311,7 @@ static void guided(const picture *first, const picture *second)
     CHECK(guidance.target_tilt_deg >= 10.0f && guidance.target_tilt_deg <= 50.0f);
     CHECK(guidance.gain >= 0.0f && guidance.gain < guidance.best_gain && guidance.best_gain < 1.0f);
     CHECK(guidance.degrees > 2.0f && fabs((double)guidance.offset_mm[0]) + fabs((double)guidance.offset_mm[1]) > 5.0);
-    /* Nothing of the board: what the probe says, and no way to go. */
+    /* No board: the rejection of the probe, and no direction. */
     image.planes[0].data = calloc((size_t)3 * first->width * first->height, 1);
     CHECK(image.planes[0].data != NULL);
     OK(svbrdf_probe_init(&probe, sizeof probe));

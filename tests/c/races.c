@@ -26,7 +26,7 @@ static int value(const int *what)
     return now;
 }
 
-/* What a call may answer while others end the session. */
+/* Checks a status that a call may return while others end the session. */
 static void expect_any(svbrdf_status status)
 {
     CHECK(status == SVBRDF_OK || status == SVBRDF_CANCELLED || status == SVBRDF_INVALID_HANDLE ||

@@ -140,7 +140,7 @@ fn module(file: &str) -> &str {
     file.split(['/', '.']).next().unwrap()
 }
 
-/// What stands in the way of a crate's rules about imports between its modules.
+/// Violations of a crate's rules about imports between its modules.
 fn module_faults(source: &Crate, table: &[(&str, &[&str])]) -> Vec<String> {
     let known: BTreeMap<_, _> = table.iter().copied().collect();
     let mut faults = Vec::new();

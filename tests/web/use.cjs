@@ -195,7 +195,7 @@ async function lostWorker(page) {
 /** Once loaded the page needs no network, and has the photographs that were in the scan. */
 async function reloadedOffline({ page, context }) {
   await page.evaluate(() => navigator.serviceWorker.ready);
-  // What was refused is dropped in the browser's own time.
+  // The browser drops rejected photographs in its own time.
   await page.waitForFunction(async () => (await (await import('./kept.js')).kept()).length === 1);
   await context.setOffline(true);
   await page.reload();
