@@ -1,4 +1,4 @@
-// When scanners end, what they call and when, what is left behind.
+// Lifecycle of scanners: their ends, their callbacks, and no remains.
 
 package org.svbrdf.scanner
 
@@ -15,7 +15,7 @@ import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
 import kotlinx.coroutines.withTimeoutOrNull
 
-/** For what others do in their own time, on a busy machine. */
+/** Longest wait for other threads, on a busy machine. */
 const val PATIENCE_NS = 600_000_000_000
 
 /** Waits until it is so. */
@@ -61,7 +61,7 @@ fun callbacksThatMisbehave() {
     verify(late.get() == 0) { "$late" }
     uncaught.clear()
     throws<IllegalStateException>("closed") { scanner.progress }
-    // Closed by others while a callback runs: what fails there then is nobody's fault.
+    // Closed by others while a callback runs: failures there are no faults.
     val inside = CountDownLatch(1)
     val slow = object : MaterialScanner.Listener {
         override fun onMaps(scanner: MaterialScanner) {
@@ -134,7 +134,7 @@ fun flows(): Unit = runBlocking {
         val state = File(out, "suspending.state")
         scanner.saveSuspending(state)
         MaterialScanner.restore(state).use { verify(it.progress.photos == 1) { "saved" } }
-        // What does not end is left when its coroutine is cancelled, or its time is over.
+        // A cancelled coroutine or a timeout ends the wait.
         scanner.pause()
         scanner.addRectifiedPhoto(gray(), above, above)
         verify(!scanner.awaitSuspending(150)) { "a fit that is held" }
@@ -164,7 +164,7 @@ fun residentKiB(): Long =
 
 fun twoHundredSessions() {
     val listener = object : MaterialScanner.Listener {}
-    // Every fifth takes a photo in, which is what costs time; none waits for a fit.
+    // Only every fifth takes the time to add a photo; none waits for a fit.
     fun sessions(count: Int) = repeat(count) { index ->
         MaterialScanner(small, listener).use { scanner ->
             if (index % 5 == 0) {

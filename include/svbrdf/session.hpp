@@ -67,7 +67,7 @@ private:
 
 class SessionView;
 
-/// Called with what became of a photo that was added without waiting.
+/// Called with the outcome of a photo that was added without waiting.
 using OutcomeCallback = std::function<void(SessionView, StatusCode, const Outcome&)>;
 
 /// A session that somebody else owns: what callbacks get. Copies are cheap. Once the session has

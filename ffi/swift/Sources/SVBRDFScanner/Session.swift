@@ -1,7 +1,7 @@
 import Foundation
 import SVBRDF
 
-/// What callbacks hand on. Slow readers see the latest, never a queue.
+/// Values of callbacks. Slow readers see the latest, never a queue.
 final class Listener: Sendable {
     let progress: AsyncStream<Progress>.Continuation
     let maps: AsyncStream<Void>.Continuation
@@ -53,7 +53,7 @@ final class Session: @unchecked Sendable {
     }
 }
 
-/// Waits for what becomes of a photo.
+/// Waits for the outcome of a photo.
 final class Answer: Sendable {
     private let continuation: CheckedContinuation<Outcome, any Error>
 

@@ -65,7 +65,7 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
             invalidate()
         }
 
-    /** Nothing is known of what the camera sees. */
+    /** Clears the view: there is no result for the camera's image. */
     fun clear() {
         sample = emptyList()
         way = null

@@ -80,7 +80,7 @@ class MaterialScanner private constructor(
      */
     fun addPhoto(file: PhotoFile): PhotoFileOutcome = file.addTo(this, handle.now)
 
-    /** Called with what became of a photo; exactly one of the two is null. */
+    /** Called with the outcome of a photo; exactly one of the two is null. */
     fun interface OutcomeCallback {
         fun onOutcome(outcome: Outcome?, fault: Throwable?)
     }

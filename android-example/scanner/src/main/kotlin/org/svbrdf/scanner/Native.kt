@@ -159,7 +159,7 @@ internal object Native {
         guarded({ scanner.closed }) { body(scanner, listener) }
     }
 
-    /** Runs what is the app's; `excused`: whether what it throws is nobody's fault. */
+    /** Runs code of the app; `excused`: whether its exceptions are ignored. */
     private inline fun guarded(excused: () -> Boolean, body: () -> Unit) {
         try {
             body()
@@ -208,7 +208,7 @@ internal object Native {
     /** Photos on their way by the number that their callbacks name. */
     private val pending = ConcurrentHashMap<Long, Pair<Long, MaterialScanner.OutcomeCallback>>()
 
-    /** Has `done` called with what becomes of what `add` gives to the library. */
+    /** Calls `done` with the outcome of the photo that `add` gives to the library. */
     fun await(timestampNs: Long, done: MaterialScanner.OutcomeCallback, add: (Long) -> Unit) {
         val id = ids.incrementAndGet()
         pending[id] = timestampNs to done

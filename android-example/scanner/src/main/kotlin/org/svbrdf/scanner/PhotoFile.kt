@@ -10,12 +10,12 @@ class PhotoFile @JvmOverloads constructor(
     val content: ByteBuffer,
     /** Relative exposure; 0: that of the metadata. */
     val exposure: Float = 0f,
-    /** Curve of the values; null: what the file says. */
+    /** Curve of the values; null: that of the file. */
     val transfer: Transfer? = null,
     /** How far the upright image is turned clockwise; the camera describes the turned image. */
     val rotation: Int = 0,
     val flash: Flash = Flash.UNKNOWN,
-    /** Handed back with what became of the photo. */
+    /** Returned with the outcome of the photo. */
     val timestampNs: Long = 0,
     /** Largest image, pixels; 0: 100 million. */
     val maxPixels: Long = 0,
@@ -24,7 +24,7 @@ class PhotoFile @JvmOverloads constructor(
 ) {
     constructor(content: ByteArray) : this(ByteBuffer.wrap(content))
 
-    /** What the file says of how it was taken, without reading its pixels. */
+    /** The metadata of the file, without reading its pixels. */
     fun lookAt(): FileInfo {
         val file = Photo.direct(content)
         val (values, names) = FileInfo.empty()
@@ -48,12 +48,12 @@ class PhotoFile @JvmOverloads constructor(
     }
 }
 
-/** What became of a photo, and what its file says. */
+/** The outcome of a photo, and the metadata of its file. */
 data class PhotoFileOutcome(val outcome: Outcome, val info: FileInfo)
 
-/** What is to be said about a photo's file. */
+/** Remarks about a photo's file. */
 enum class FileRemark(internal val bit: Int) {
-    /** What it says of its colours cannot be used; it was taken as sRGB. */
+    /** Its colour metadata cannot be used; it was read as sRGB. */
     PROFILE_UNUSABLE(1),
     /** It has a gain map (Ultra HDR), which is left out. */
     GAIN_MAP(2),
