@@ -73,7 +73,7 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
     public static let gray = Self(rawValue: UInt32(SVBRDF_REMARK_GRAY))
 }
 
-/// What a photo's file says of how it was taken; what is not known is 0 or empty. Photos that differ in
+/// Metadata of a photo's file; unknown values are 0 or empty. Photos that differ in
 /// maker, model, lens, focal lengths, zoom or size need scanners of their own.
 public struct FileInfo: Hashable, Sendable {
     /// As the sensor has it, px.

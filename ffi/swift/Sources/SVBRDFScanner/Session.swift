@@ -11,8 +11,7 @@ final class Listener: Sendable {
     }
 }
 
-/// A session of C. Its functions may be called from any thread at any time, which is what makes it
-/// sendable.
+/// A session of C. It is sendable because its functions may be called from any thread at any time.
 final class Session: @unchecked Sendable {
     let handle: OpaquePointer
     private let listener: Unmanaged<Listener>

@@ -23,8 +23,8 @@ import org.svbrdf.scanner.Outcome
 import org.svbrdf.scanner.ScanOptions
 
 /**
- * A scan, apart from the screen that shows it: photos outlive the activity's recreation. What androidx's ViewModel
- * does, without androidx; `ScanActivity` hands it on.
+ * A scan, apart from the screen that shows it: photos outlive the activity's recreation. It works as
+ * androidx's ViewModel does; `ScanActivity` hands it on.
  */
 class ScanModel(context: Context) : MaterialScanner.Listener {
     /** The screen of a scan; called on the main thread. */

@@ -73,7 +73,7 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
         good = null
     }
 
-    /** Shows what guidance says by a picture of that size, which the screen shows turned by `orientation`. */
+    /** Shows the guidance of a picture of that size, which the screen shows turned by `orientation`. */
     fun guide(guidance: Guidance, width: Int, height: Int, orientation: Int) {
         val corners = guidance.probe.view?.samplePx.orEmpty()
         sample = corners.map { (x, y) -> upright(x / width, y / height, orientation) }

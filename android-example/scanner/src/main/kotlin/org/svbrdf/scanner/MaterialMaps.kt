@@ -65,7 +65,7 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
         )
 
     /**
-     * Standard deviation of each map as a whole, of what its errors are expected to be. For maps of
+     * Standard deviation of the expected errors of each map as a whole. For maps of
      * [MaterialScanner.snapshotWithUncertainty] only.
      */
     val uncertainty: Uncertainty

@@ -7,7 +7,7 @@ import java.util.concurrent.ConcurrentHashMap
 import java.util.concurrent.atomic.AtomicLong
 
 /**
- * The functions of the C files in `cpp`, and what they call. `owner` is the object that owns the
+ * The functions of the C files in `cpp`, and those that they call. `owner` is the object that owns the
  * handle: it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
  */
 internal object Native {

@@ -4,7 +4,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 
 /**
- * A plane of an image: what [buffer] holds from its position to its limit. Direct buffers, such as
+ * A plane of an image: the contents of [buffer] from its position to its limit. Direct buffers, such as
  * those of Android's `Image`, are read in place, others copied first. The position stays.
  */
 class Plane @JvmOverloads constructor(

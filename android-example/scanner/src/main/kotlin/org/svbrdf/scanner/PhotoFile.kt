@@ -3,8 +3,8 @@ package org.svbrdf.scanner
 import java.nio.ByteBuffer
 
 /**
- * A photo as a file in memory: JPEG, PNG, TIFF, OpenEXR or DNG, what [content] holds from its position
- * to its limit. Direct buffers are read in place, others copied first. The position stays.
+ * A photo as a file in memory (JPEG, PNG, TIFF, OpenEXR or DNG): [content] from its position to its
+ * limit. Direct buffers are read in place, others copied first. The position stays.
  */
 class PhotoFile @JvmOverloads constructor(
     val content: ByteBuffer,
@@ -70,7 +70,7 @@ enum class FileRemark(internal val bit: Int) {
 }
 
 /**
- * What a photo's file says of how it was taken. Photos that differ in maker, model, lens, focal
+ * Metadata of a photo's file. Photos that differ in maker, model, lens, focal
  * lengths, zoom or size need scanners of their own.
  */
 data class FileInfo(
