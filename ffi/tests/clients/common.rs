@@ -82,7 +82,7 @@ pub fn library() -> &'static Path {
 }
 
 /// The library under both its names.
-fn link_library(dir: &Path) {
+pub fn link_library(dir: &Path) {
     for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
         std::os::unix::fs::symlink(library(), dir.join(name)).unwrap();
     }
