@@ -466,9 +466,7 @@ class FlashCamera(
         }
     }
 
-    /**
-     * Ends the camera, and returns when it has let go of its surfaces; pictures handed out stay valid until closed.
-     */
+    /** Ends the camera, and returns when it has let go of its surfaces; pictures handed out stay valid until closed. */
     fun close() {
         handler.post {
             closed = true
