@@ -45,8 +45,8 @@ pub struct ScheduleOptions {
     pub without: Vec<Omission>,
 }
 
-/// What can be left out: a phase, or the optional lobes that the phase `choice` tries. The phase `latent` makes the
-/// first maps that all others need.
+/// An optional part of the estimator: a phase, or the lobes that the phase `choice` tries. The phase `latent` is not
+/// optional, because all others start from its maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Omission {
