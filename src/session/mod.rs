@@ -35,15 +35,14 @@ pub use self::reports::{
     AcceptedPhoto, BoardPose, MapsWithUncertainty, Observed, Outcome, Probe, ProbedLight,
     ProbedView, Progress, Revision,
 };
-pub use self::settings::{
-    BoardScene, Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings,
-};
+pub use self::settings::{Driver, RESOLUTIONS, RestoreOptions, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
 pub use crate::assessment::PhotoFit;
 pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 pub use crate::networks::Networks;
 use crate::photo::Photo;
+pub use crate::scene::{BoardScene, RectifiedFalloff, Scene};
 use crate::threads::{Pool, lock};
 use crate::{Error, Rejection, Result};
 

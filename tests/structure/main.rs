@@ -33,6 +33,11 @@ const TABLE: &[(&str, &[&str])] = &[
     ("calibration", &["photo", "geometry", "least_squares", "statistics"]),
     ("board_sheet", &["calibration"]),
     ("rectification", &["calibration", "photo", "geometry", "observation", "svbrdf"]),
+    ("scene", &["calibration", "geometry", "observation"]),
+    (
+        "capture",
+        &["calibration", "files", "photo", "geometry", "observation", "rectification", "scene"],
+    ),
     ("reflectance", &["simd", "svbrdf", "observation"]),
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
@@ -82,16 +87,13 @@ const TABLE: &[(&str, &[&str])] = &[
             "observation",
             "rectification",
             "render",
+            "scene",
             "statistics",
             "svbrdf",
             "threads",
         ],
     ),
     ("guide", &["session"]),
-    (
-        "capture",
-        &["calibration", "files", "photo", "geometry", "observation", "rectification", "session"],
-    ),
 ];
 
 /// Modules open to all.

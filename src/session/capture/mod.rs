@@ -9,10 +9,11 @@ use std::f32::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::{RectifiedFalloff, Scene, Settings};
+use super::settings::Settings;
 use crate::observation::{Falloff, View};
 use crate::photo::Photo;
 use crate::rectification;
+use crate::scene::{RectifiedFalloff, Scene};
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
 pub(super) use photograph::{Conditions, Measured, Photograph, Rectified, Taken, Wanted};

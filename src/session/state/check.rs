@@ -6,10 +6,10 @@ use crate::calibration::CameraEstimate;
 use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::rectification::{Part, elevation};
+use crate::scene::{RectifiedFalloff, Scene};
 use crate::session::capture::{
     Board, Conditions, Given, Measured, Photograph, Placed, Rectified, Wanted,
 };
-use crate::session::settings::{RectifiedFalloff, Scene};
 
 fn require(holds: bool, what: &str) -> Result<()> {
     if holds { Ok(()) } else { Err(damaged(what)) }

@@ -14,11 +14,12 @@ use serde::{Deserialize, Serialize};
 use self::format::{as_damage, damaged};
 use super::capture::{Board, Capture, Rectified, Wanted};
 use super::fit::Fit;
-use super::settings::{Scene, Settings};
+use super::settings::Settings;
 use super::{RestoreOptions, Session, events, memory};
 use crate::Result;
 use crate::estimate::{EstimateOptions, Estimation, Meter, SavedEstimate};
 use crate::networks::Networks;
+use crate::scene::Scene;
 use crate::threads::lock;
 
 /// Largest number of threads of a restored session.
