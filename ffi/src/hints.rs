@@ -44,7 +44,7 @@ pub unsafe extern "C" fn svbrdf_session_hints(
         }
         Ok(())
     });
-    // The session is let go of: the callback may call every function.
+    // Outside of the session, so that the callback may call every function.
     if let Some(call) = callback {
         for (index, code, text) in &all {
             // SAFETY: the caller's function with the arguments that the header says.

@@ -1,4 +1,4 @@
-//! Photos that are judged and not taken in.
+//! Photos that are judged without being added.
 
 use std::ffi::c_char;
 

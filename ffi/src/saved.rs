@@ -1,4 +1,4 @@
-//! Sessions saved and gone on with.
+//! Saving and restoring sessions.
 
 use std::ffi::{c_char, c_void};
 use std::path::Path;

@@ -22,7 +22,7 @@ const REPLACED: &str = "replaced";
 
 /// Options of the way through the photographs.
 pub struct Options {
-    /// Whether the fit begins when all are taken in.
+    /// Whether the fit begins after all photographs have been added.
     pub at_once: bool,
     /// Number of the last ones that are predicted instead of fitted.
     pub hold_out: usize,

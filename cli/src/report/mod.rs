@@ -21,8 +21,8 @@ use self::pictures::{MapPictures, Snapshot, Thumbnail};
 pub use self::subject::Subject;
 use crate::failure::Result;
 
-/// Texels along each side that the page holds; larger maps are averaged. Maps that compress badly
-/// go on to the next.
+/// Largest numbers of texels along each side in the page; larger maps are averaged. Maps that compress badly use the
+/// next one.
 const TEXELS: [usize; 3] = [512, 384, 256];
 /// Size of a page, bytes; earlier maps are left out where it would be larger.
 const MAX_BYTES: usize = 2_900_000;

@@ -23,7 +23,7 @@ const MAX_BOW_MM: f64 = 0.6;
 const BLUR_PX: [f64; 2] = [0.3, 1.2];
 /// Largest registration error of rectified photographs along each side, texels.
 const MAX_SHIFT_TEXELS: f64 = 0.5;
-/// Of the JPEG files, with chroma at half the resolution (4:2:0).
+/// Quality of the JPEG files, with chroma at half the resolution (4:2:0).
 pub const JPEG_QUALITY: u8 = 80;
 
 /// Faults of a capture, as `truth.json` has them.
@@ -85,7 +85,7 @@ impl Faults {
         (faults, random)
     }
 
-    /// Those of a photograph from `distance` times the first one's.
+    /// Faults of a photograph from `distance` times the first one's.
     pub fn photograph(&self, random: &mut Random, distance: f64) -> FrameFaults {
         let gain = (self.gain_sigma * random.bell()).exp();
         let mut shift = || MAX_SHIFT_TEXELS * (2.0 * random.uniform() - 1.0);

@@ -5,11 +5,11 @@ use glam::DVec3;
 /// A flash in a room.
 #[derive(Debug, Clone, Copy)]
 pub struct Light {
-    /// Of the flash, mm.
+    /// Position of the flash, mm.
     pub place: DVec3,
     /// Unit vector in which it is strongest.
     pub axis: DVec3,
-    /// Its strength falls with this power of the cosine to the axis; 0: alike to all sides.
+    /// The strength falls with this power of the cosine to the axis; 0: equal in all directions.
     pub exponent: f64,
     /// Intensity along the axis times mm².
     pub power_mm2: f64,

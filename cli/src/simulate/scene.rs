@@ -73,7 +73,7 @@ pub struct Scene<'a> {
     pub elevation_mm: f64,
     /// Board frame.
     pub light: Light,
-    /// Of the sample's texels: three planes.
+    /// Radiance of the sample's texels: three planes.
     pub radiance: Vec<f32>,
 }
 

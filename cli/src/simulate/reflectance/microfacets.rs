@@ -27,7 +27,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// That of an exponent above 1.5, below which the mean slope is infinite; `None`: Beckmann.
+    /// Facets with an exponent above 1.5, below which the mean slope is infinite; `None`: Beckmann.
     pub fn new(exponent: Option<f64>) -> Self {
         let place = |i: f64| i / ENTRIES as f64;
         // mass of each interval of a / (1 + a), `p` being known but for its scale

@@ -33,9 +33,9 @@ pub struct Texel {
     pub roughness: f64,
     /// On the sample, mm.
     pub place: DVec2,
-    /// Of the maps, in place of the model's.
+    /// Anisotropy of the maps, which replaces the model's.
     pub anisotropy: Option<Alphas>,
-    /// Of the maps, in place of the model's; its normal is that of the base.
+    /// Coat of the maps, which replaces the model's; its normal is that of the base.
     pub coat: Option<Coat>,
 }
 
@@ -46,11 +46,11 @@ pub struct Alphas {
     pub across: f64,
 }
 
-/// Reflects as a model says.
+/// Reflectance of a model.
 pub struct Reflectance {
     model: Model,
     facets: Facets,
-    /// Those of a coat.
+    /// Facets of a coat.
     ggx: Facets,
 }
 

@@ -48,9 +48,9 @@ const STRIPE_MM: [f64; 2] = [6.0, 25.0];
 /// A second, wider lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Haze {
-    /// Share of the F0 that is its.
+    /// Its share of F0.
     pub share: f64,
-    /// Its alpha over the first lobe's.
+    /// Its alpha relative to that of the first lobe.
     pub alpha: f64,
 }
 
@@ -59,16 +59,16 @@ pub struct Haze {
 pub struct Coat {
     /// 0 to 1.
     pub weight: f64,
-    /// Of its lobe, GGX.
+    /// Alpha of its GGX lobe.
     pub alpha: f64,
 }
 
 /// Stripes across which the direction turns by a quarter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Stripes {
-    /// Of one.
+    /// Width of a stripe.
     pub width_mm: f64,
-    /// In which they follow each other, from +X towards +Y, radians.
+    /// Direction across the stripes, from +X towards +Y, radians.
     pub azimuth: f64,
 }
 
@@ -79,7 +79,7 @@ pub struct Anisotropy {
     pub ratio: f64,
     /// Direction of the lesser alpha from +X towards +Y, radians.
     pub azimuth: f64,
-    /// Where there are two directions.
+    /// Stripes of two directions, if there are two.
     pub stripes: Option<Stripes>,
 }
 
@@ -98,7 +98,7 @@ impl Anisotropy {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Model {
     pub lobe: Lobe,
-    /// Of Student's t distribution of slopes: 2 is GGX; `None`: Beckmann.
+    /// Exponent of Student's t distribution of slopes: 2 is GGX; `None`: Beckmann.
     pub tail_exponent: Option<f64>,
     pub haze: Option<Haze>,
     /// Standard deviation of the angle of diffuse facets, radians; 0: Lambert.
@@ -108,7 +108,7 @@ pub struct Model {
 }
 
 impl Lobe {
-    /// That of a seed: as many seeds as there are kinds have each once.
+    /// The lobe of a seed. Consecutive seeds have all kinds in turn.
     pub fn of(seed: u64) -> Self {
         let kinds = Self::value_variants();
         kinds[(seed % kinds.len() as u64) as usize]
