@@ -1,6 +1,7 @@
 /* Adds photos until the roughness is known well enough.
  *
  *   uncertainty CAPTURE DEVIATION [PHOTOS] */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -44,7 +45,7 @@ int main(int argc, char **argv)
     svbrdf_capture *capture = NULL;
     svbrdf_session *session = NULL;
     uint32_t photos = 0, i;
-    float enough, known = 1.0f;
+    float enough, known = HUGE_VALF;
     if (argc < 3) {
         fprintf(stderr, "usage: uncertainty CAPTURE DEVIATION [PHOTOS]\n");
         return 2;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <iostream>
+#include <limits>
 #include <string>
 
 #include "svbrdf.hpp"
@@ -21,7 +22,7 @@ int main(int argc, char** argv) {
         if (argc > 3) {
             photos = std::min(photos, static_cast<std::uint32_t>(std::stoul(argv[3])));
         }
-        float known = 1.0f;
+        float known = std::numeric_limits<float>::infinity();
         for (; i < photos && known > enough; i++) {
             if (!session.add_photo(capture, i)) {
                 continue;
