@@ -58,8 +58,8 @@ pub fn run() -> Result<f32, Box<dyn Error>> {
     }
     session.wait()?;
     let maps = session.snapshot()?;
-    let pairs = || maps.diffuse().into_iter().zip(truth.diffuse());
-    let squares = pairs().flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
+    let pairs = maps.diffuse().into_iter().zip(truth.diffuse());
+    let squares = pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
     let error = (squares.sum::<f32>() / (3 * maps.texels()) as f32).sqrt();
     println!("diffuse albedo off by {error:.4}");
     Ok(error)
