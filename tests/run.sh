@@ -71,7 +71,7 @@ if [ -n "$quick" ]; then
   cargo build --release "${packages[@]}" "${tests[@]}" --test clients
   export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
   cargo test --release "${packages[@]}" "${tests[@]}" "$@"
-  SVBRDF_TEST_QUICK=1 cargo test --release "${packages[@]}" --test clients "$@" -- --skip valgrind
+  SVBRDF_TEST_QUICK=1 cargo test --release "${packages[@]}" --test clients "$@" -- --skip valgrind --skip examples_run
   exit 0
 fi
 
