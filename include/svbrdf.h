@@ -348,7 +348,9 @@ typedef uint32_t svbrdf_log_level;
  */
 typedef void (*svbrdf_log_callback)(void *user_data, svbrdf_log_level level, const char *message);
 
-/** Options of a session. Memory behind their pointers is needed only during the call, except user_data. */
+/**
+ * Options of a session. Memory behind their pointers is needed only during the call, except user_data.
+ */
 typedef struct svbrdf_session_options {
     /** Size of this struct. */
     size_t size;
