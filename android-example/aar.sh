@@ -11,7 +11,7 @@
 # ABIs are built: that needs ANDROID_NDK_HOME, cargo-ndk and rustup's targets (no check has run it).
 # --notices: THIRD-PARTY.txt of ffi/packaging/notices.sh, which has to go with the libraries.
 #
-# Needs a JDK of 17 or later and a Kotlin compiler: KOTLIN_HOME, or what tests/android-tools.sh gets.
+# Needs a JDK of 17 or later and a Kotlin compiler: KOTLIN_HOME, or that of tests/android-tools.sh.
 set -euo pipefail
 usage() { sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 [ $# -ge 1 ] || usage
@@ -37,7 +37,7 @@ export LC_ALL=C
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# What keeps a library from being loaded on a device, or ends the app there, said here instead.
+# Finds faults here that would keep a device from loading the library, or end the app there.
 readonly api=26
 check() {
   local file=$1 machine=$2 name alignment dynamic symbols faults=0

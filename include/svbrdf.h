@@ -348,7 +348,9 @@ typedef uint32_t svbrdf_log_level;
  */
 typedef void (*svbrdf_log_callback)(void *user_data, svbrdf_log_level level, const char *message);
 
-/** Options of a session. What they point to is needed only during the call, except user_data. */
+/**
+ * Options of a session. Memory behind their pointers is needed only during the call, except user_data.
+ */
 typedef struct svbrdf_session_options {
     /** Size of this struct. */
     size_t size;
@@ -807,8 +809,8 @@ typedef struct svbrdf_file_options {
      */
     float exposure;
     /**
-     * Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
-     * PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
+     * Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: that of the file (ICC profile,
+     * PNG's cICP and gAMA), sRGB if it states none, linear for floats and raw values.
      */
     svbrdf_transfer transfer;
     /**
@@ -1096,7 +1098,7 @@ svbrdf_status svbrdf_guide_options_init(struct svbrdf_guide_options *options, si
 /** The user's next action: one of SVBRDF_ACTION_. */
 typedef uint32_t svbrdf_action;
 
-/** Correct what svbrdf_probe.rejection names: a photo would not be used. */
+/** Correct the fault that svbrdf_probe.rejection names: a photo would not be used. */
 #define SVBRDF_ACTION_ADJUST 1
 /** Keep the camera where it is, until it is steady or a photo has been taken in. */
 #define SVBRDF_ACTION_HOLD 2
@@ -1143,12 +1145,12 @@ typedef struct svbrdf_guidance {
 svbrdf_status svbrdf_guidance_init(struct svbrdf_guidance *guidance, size_t size);
 
 /**
- * Judges an image of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+ * Judges an image of the camera's preview as svbrdf_session_probe() does, and returns the next action: adjust,
  * hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
- * camera, and what the fit expects of a photo from here. Call it with every image, from a few to thirty a
- * second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
+ * camera, and the expected gain of a photo from here. Call it with every image, from a few to thirty a
+ * second; `info.timestamp_ns` is the image's time on a monotonic clock.
  *
- * After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been added, or
+ * After SVBRDF_ACTION_SHOOT it returns SVBRDF_ACTION_HOLD until the photo has been added, or
  * svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
  * nor for a photo that is being added. `probe` may be NULL.
  */
@@ -1649,9 +1651,9 @@ typedef void (*svbrdf_hint_callback)(void *user_data,
                                      const char *text);
 
 /**
- * Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
- * it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
- * longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
+ * Calls `callback` with each hint about each accepted photo from all present knowledge, on the calling thread and
+ * before it returns. Hints given when a photo was added (svbrdf_photo_report.hints) may no longer hold, and others
+ * may. Meaningful once the fit has settled. Waits for a step of the fit.
  */
 svbrdf_status svbrdf_session_hints(const struct svbrdf_session *session,
                                    svbrdf_hint_callback callback,
@@ -1746,7 +1748,7 @@ svbrdf_status svbrdf_session_save_state_to(const struct svbrdf_session *session,
 /**
  * Continues a saved session. Only these options count: threads (0: as saved), models, callbacks,
  * user_data and memory_limit_bytes; the rest is in the state. The bytes are not needed after the
- * call. SVBRDF_BAD_STATE if they are not what was written, SVBRDF_UNSUPPORTED if a newer
+ * call. SVBRDF_BAD_STATE if they are damaged, SVBRDF_UNSUPPORTED if a newer
  * version of the library wrote them in another format.
  */
 svbrdf_status svbrdf_session_load_state(const struct svbrdf_session_options *options,
@@ -1851,9 +1853,9 @@ svbrdf_status svbrdf_models_destroy(struct svbrdf_models *models);
 /**
  * From now on, `callback` is called with the log lines of all sessions, in addition to their on_log,
  * and with internal errors that belong to no session; NULL ends that. Lines come on many threads,
- * several at a time, among them those of a fit: `callback` must not call what waits for a fit, such as
- * svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to the former
- * callback.
+ * several at a time, among them those of a fit: `callback` must not call functions that wait for a fit, such as
+ * svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to
+ * the former callback.
  */
 svbrdf_status svbrdf_set_log_callback(svbrdf_log_callback callback,
                                       void *user_data);

@@ -1,6 +1,6 @@
 // svbrdf for C++17: handles that free themselves, results and exceptions, over svbrdf.h.
 //
-// What svbrdf.h says about units, threads and callbacks holds here too. Handles may be moved, not
+// The rules of svbrdf.h about units, threads and callbacks hold here too. Handles may be moved, not
 // copied. Faults are thrown as svbrdf::Error; a photo that cannot be used is no fault, see
 // SessionView::push(). Structs of C are used as they are: make(svbrdf_session_options_init) gives one
 // with its defaults, and to_c() turns an enumerator into the number that its field wants.

@@ -104,6 +104,7 @@ pub mod random;
 pub mod rectification;
 pub mod reflectance;
 pub mod render;
+mod scene;
 pub mod session;
 mod simd;
 mod statistics;

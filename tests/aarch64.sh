@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The library on phones' processors, without a phone: `check` type-checks it for
 # aarch64-linux-android, `test` runs its unit tests for aarch64-unknown-linux-gnu (NEON) under
-# qemu-user; without an argument both. What follows `test` goes to cargo instead of `--lib`.
+# qemu-user; without an argument both. Arguments after `test` go to cargo instead of `--lib`.
 # Installs Debian's cross compilers when missing (Debian 12: a Rust compiler with the targets'
 # standard library, which the usual toolchain cannot download everywhere).
 set -euo pipefail

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What the checks of android-example need beside Debian 12's own packages, into
+# Gets the tools of android-example's checks that Debian 12 does not have, into
 # target/android-tools: a Kotlin compiler (npm has it) and Android's class library with dx (from
 # Debian 11, which had them last, on the mirror this machine uses; unpacked, not installed).
 set -euo pipefail

@@ -4,7 +4,7 @@
 #
 #   SVBRDF_BIONIC=FOLDER ANDROID_NDK_HOME=NDK tests/bionic.sh [TEST...]
 #
-# FOLDER has x86_64/ or arm64/ or both. In each lies what `adb pull /system` gives (bin/linker64 and lib64 suffice) as
+# FOLDER has x86_64/ or arm64/ or both. Each has the output of `adb pull /system` (bin/linker64 and lib64 suffice) as
 # system/, and, from Android 10 on, `adb pull /apex/com.android.runtime` as apex/com.android.runtime/.
 # SVBRDF_BUILT=FOLDER: libraries that were built before, in arm64-v8a/ and x86_64/. Else cargo-ndk builds them.
 #

@@ -30,7 +30,7 @@ tests/exports/cases.sh "$target/release/svbrdf" "$work/cases" "${captures[@]}"
 "$environment/bin/pip" install -q 'maturin>=1.9,<2'
 (cd ffi/python && "$environment/bin/maturin" build --profile release --locked --quiet --out "$work/wheel")
 python3 ffi/blender/build.py "$work/svbrdf.zip" "$work"/wheel/*.whl
-# What `blender --command extension validate` calls.
+# As `blender --command extension validate` does.
 package=$("$environment/bin/python" -c 'import importlib.util as util; print(util.find_spec("bpy").submodule_search_locations[0])')
 "$environment/bin/python" "$package"/*/scripts/addons_core/bl_pkg/cli/blender_ext.py validate "$work/svbrdf.zip"
 mkdir "$work/resources"

@@ -1,4 +1,4 @@
-//! What the crates depend on: licences, the oldest Rust that will do, and versions that agree.
+//! Dependencies of the crates: licences, the oldest Rust, and consistent versions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,7 +19,7 @@ fn read(path: &str) -> String {
     std::fs::read_to_string(root().join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// What cargo knows of the workspace on this platform: needs nothing that the build did not.
+/// Cargo's metadata of the workspace on this platform, for which the build has downloaded everything.
 static METADATA: LazyLock<Value> = LazyLock::new(|| {
     let rustc = Command::new("rustc").arg("-vV").output().unwrap();
     let rustc = String::from_utf8(rustc.stdout).unwrap();
@@ -43,7 +43,7 @@ fn packages() -> BTreeMap<&'static str, &'static Value> {
     array(&METADATA, "packages").iter().map(|p| (p["id"].as_str().unwrap(), p)).collect()
 }
 
-/// What is linked into or builds the shipped crates: all but what only tests need.
+/// Packages that are linked into the shipped crates or build them, without those of tests.
 fn shipped() -> Vec<&'static Value> {
     let packages = packages();
     let nodes: BTreeMap<_, _> = array(&METADATA["resolve"], "nodes")

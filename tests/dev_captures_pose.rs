@@ -7,8 +7,8 @@ use captures::{Capture, angle_deg};
 use std::time::Instant;
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 
-/// What accurate maps ask of a pose: 0.15 degrees bend a normal by less than the print's flatness
-/// does, half a millimetre at 250 mm changes the flash's strength by 0.4 %.
+/// Accuracy of a pose for accurate maps: 0.15 degrees bend a normal by less than the print's flatness does, and half a
+/// millimetre at 250 mm changes the flash's strength by 0.4 %.
 const DEGREES_MAX: f64 = 0.15;
 const CENTRE_MM_MAX: f64 = 0.5;
 const RMS_PX_MAX: f64 = 0.35;

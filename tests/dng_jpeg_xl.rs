@@ -2,7 +2,7 @@
 #![cfg(feature = "jxl")]
 
 #[path = "common/negatives.rs"]
-#[allow(dead_code)] // a part of what it writes
+#[allow(dead_code)] // Other tests use the rest.
 mod negatives;
 
 use std::process::Command;
@@ -117,7 +117,7 @@ fn codestreams_that_do_not_fit_are_named() {
         let said = read(&Negative { storage, ..plain.clone() }.bytes()).err().unwrap();
         assert!(said.contains(expected), "{expected}: {said}");
     }
-    // A tile at the edge may hold what is inside only.
+    // A tile at the edge may hold only its pixels inside the picture.
     let edge = Storage::Coded(32, 16, JPEG_XL, |_, _, _| bytes(COLOUR));
     let photo = read(&white(Negative { storage: edge, ..plain.clone() }, 65_535).bytes()).unwrap();
     assert!((photo.pixel(3, 2)[1] - f32::from(colour_value(3, 2, 1)) / 1023.0).abs() < 1e-4);
@@ -146,8 +146,8 @@ fn damaged_codestreams_are_photographs_or_errors() {
     }
 }
 
-/// What `cjxl` makes of a picture; `None` where the program is missing. Versions differ in what values of
-/// fewer bits in a file mean: it gets 16, and is told how many to store.
+/// A picture encoded by `cjxl`; `None` if the program is missing. Versions interpret values of fewer bits in different
+/// ways, so it gets 16 bits and the number to store.
 fn cjxl(rows: &[Vec<u16>], bits: u32, channels: u32, options: &[&str]) -> Option<Vec<u8>> {
     let dir = tempfile::tempdir().unwrap();
     let (source, target) = (dir.path().join("in.pnm"), dir.path().join("out.jxl"));
@@ -227,7 +227,7 @@ fn fields_are_put_in_order() {
     let value = |x: u32, y: u32, _: u32| (scene(x, y, x % 2 + y % 2) * 60_000.0) as u16;
     let plain = negative([w, h], 16, 1, value);
     let known = read(&plain.bytes()).unwrap().to_linear();
-    // The first field has what is left over.
+    // The first field has one more row of an odd number.
     let place = |i: u32, count: u32| i % 2 * count.div_ceil(2) + i / 2;
     let mut stored = plain.clone();
     for (i, value) in plain.samples.iter().enumerate() {

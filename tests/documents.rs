@@ -115,7 +115,7 @@ fn in_the_book(path: &Path) -> bool {
     path.starts_with("docs") && !path.starts_with(RESEARCH)
 }
 
-/// What is wrong with a link, or nothing.
+/// The fault of a link, if it has one.
 fn fault(
     from: &Path,
     link: &str,

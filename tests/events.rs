@@ -3,8 +3,10 @@
 #[path = "common/rectified.rs"]
 mod rectified;
 
+use std::collections::HashMap;
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
+use std::thread::{self, ThreadId};
 
 use rectified::{POSITIONS, material, photo, scene};
 use svbrdf::Rejection;
@@ -25,11 +27,11 @@ impl Visit for Fields {
     }
 }
 
-/// Spans by their numbers, those that are entered, and events with the innermost span.
+/// Spans by their numbers, those that each thread has entered, and events with the innermost span of their thread.
 #[derive(Default)]
 struct Seen {
     spans: Vec<String>,
-    entered: Vec<u64>,
+    entered: HashMap<ThreadId, Vec<u64>>,
     events: Vec<(String, String)>,
 }
 
@@ -53,16 +55,19 @@ impl Subscriber for Collector {
         let mut fields = Fields::default();
         event.record(&mut fields);
         let mut seen = self.0.lock().unwrap();
-        let span = seen.entered.last().map(|id| seen.spans[*id as usize - 1].clone());
+        let innermost = seen.entered.get(&thread::current().id()).and_then(|ids| ids.last());
+        let span = innermost.map(|id| seen.spans[*id as usize - 1].clone());
         seen.events.push((span.unwrap_or_default(), fields.0));
     }
 
     fn enter(&self, span: &Id) {
-        self.0.lock().unwrap().entered.push(span.into_u64());
+        let mut seen = self.0.lock().unwrap();
+        seen.entered.entry(thread::current().id()).or_default().push(span.into_u64());
     }
 
     fn exit(&self, _: &Id) {
-        self.0.lock().unwrap().entered.pop();
+        let mut seen = self.0.lock().unwrap();
+        seen.entered.get_mut(&thread::current().id()).and_then(Vec::pop);
     }
 
     fn record(&self, _: &Id, _: &Record<'_>) {}

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Validates exports with the formats' own tools: gltf-validator and three.js (npm), usd-core and
-# MaterialX (PyPI), Debian's Chromium. What cannot be had is skipped, and said.
+# MaterialX (PyPI), Debian's Chromium. Missing tools are reported and their checks skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 target=${CARGO_TARGET_DIR:-$PWD/target}

@@ -1,8 +1,7 @@
-//! Photographs' files: one scene through every format, what metadata say, limits, names of what is not
-//! read.
+//! Photographs' files: one scene in every format, metadata, limits, and the names of unsupported formats.
 #![cfg(feature = "files")]
 
-#[allow(dead_code)] // a part of what it writes
+#[allow(dead_code)] // Other tests use the rest.
 #[path = "common/negatives.rs"]
 mod negatives;
 #[path = "../cli/tests/common/photos.rs"]
@@ -20,7 +19,7 @@ use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::files::{Kind, Limits, Metadata, Options, Remark, decode};
 use svbrdf::photo::{Encoding, Photo, Primaries};
 
-/// What messages name besides formats that are always read.
+/// A format that messages name besides those that are always supported.
 const HEIC: &str = if cfg!(feature = "heic") { "HEIC" } else { "OpenEXR" };
 /// Pixels along a side of a block of one colour, and blocks along a side of the picture.
 const BLOCK: u32 = 16;
@@ -84,7 +83,7 @@ fn with_chunk(png: &[u8], kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     [&png[..33], &length, &body, &checksum, &png[33..]].concat()
 }
 
-/// What a sensor sees whose values are this times linear Rec. 709.
+/// The matrix from linear Rec. 709 to the sensor's values.
 fn mix() -> DMat3 {
     DMat3::from_cols_array_2d(&[[0.35, 0.15, 0.05], [0.2, 0.7, 0.1], [0.05, 0.15, 0.5]]).transpose()
 }
@@ -274,7 +273,7 @@ fn mirroring_tags_are_honoured_and_said() {
         assert_eq!(decoded.remarks.contains(&Remark::Mirrored), mirrored, "{tag}");
         let size = (decoded.photo.width(), decoded.photo.height());
         assert_eq!(size, if upright == 0 { (8, 4) } else { (4, 8) }, "{tag}");
-        // Turned back, it is what was stored, or its mirror image.
+        // Turned back, it is the stored picture or its mirror image.
         let turn = svbrdf::photo::Rotation::from_degrees((360 - upright) % 360).unwrap();
         let back = decoded.photo.turned(turn);
         for (x, y) in [(0, 0), (7, 0), (2, 3)] {

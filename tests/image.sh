@@ -28,7 +28,7 @@ if [ -z "$image" ]; then
   cli/batch/image.sh "$image"
 fi
 
-# The root folder and what the image states of its process.
+# The root folder, and the image's description of its process.
 mkdir "$work/image" "$work/bundle" "$work/bundle/rootfs"
 tar -xf "$image" -C "$work/image"
 python3 - "$work" <<'END'

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Fails where a vector instruction of ours stayed a function call: what a closure inside a kernel
-# becomes when it is compiled apart, without the kernel's processor features.
+# Fails if a vector instruction of ours stayed a function call. A closure inside a kernel causes that if it is compiled
+# apart, without the kernel's processor features.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ "$(uname -m)" = x86_64 ] || { echo "SKIPPED: inlining of vector instructions is checked on x86-64"; exit 0; }

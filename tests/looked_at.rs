@@ -216,7 +216,7 @@ fn photographs_of_a_board_are_taken_back_with_what_they_told() {
         assert_eq!(session.progress().photos, count - 1);
         assert_eq!(session.camera(), without.camera());
         if settled {
-            // Paper and height stay; they are what the others say as well.
+            // Paper and height stay; the others determine the same.
             assert_eq!(session.paper().unwrap().paper, without.paper().unwrap().paper);
         } else {
             assert_eq!(session.paper(), without.paper());
@@ -225,8 +225,7 @@ fn photographs_of_a_board_are_taken_back_with_what_they_told() {
         assert_eq!(session.poses(), without.poses());
         let off = session.flash_offset_mm() - without.flash_offset_mm();
         assert!(off.length() < 1e-2, "{off}");
-        // Maps differ by what half floats round of light and views, which a fit that is not done
-        // enlarges: its gradient is a sign.
+        // Half floats round lights and views. A fit in progress enlarges the difference, since its gradient is a sign.
         let difference = || {
             let (a, b) = (session.snapshot().unwrap(), without.snapshot().unwrap());
             let sum: f32 = a.planes().iter().zip(b.planes()).map(|(a, b)| (a - b).abs()).sum();

@@ -1,4 +1,4 @@
-//! What a session needs stays below its own estimate. A test of its own: memory is the process's.
+//! A session's memory stays below its own estimate. A test of its own, since memory is the process's.
 #![cfg(target_os = "linux")]
 
 use std::process::Command;
@@ -16,7 +16,7 @@ fn resident(what: &str) -> u64 {
     line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() * 1024
 }
 
-/// Where that is not allowed, the peak holds what making the networks ready took as well.
+/// If that is not allowed, the peak includes the preparation of the networks.
 fn forget_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
@@ -25,11 +25,11 @@ fn scene() -> Scene {
     Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto }
 }
 
-/// What a session at a resolution used and was estimated to need, bytes.
+/// Bytes that a session at a resolution used, and its estimate.
 fn case(resolution: usize, photos: usize) -> [u64; 2] {
     let networks = Arc::new(Networks::embedded().unwrap());
     networks.prepare(256, 256).unwrap();
-    // A limit that is too small says what is needed for the first photograph.
+    // The error of too small a limit has the estimate for the first photograph.
     let settings = Settings { resolution, memory_limit_bytes: Some(1), ..Default::default() };
     let estimate = match Session::with_networks(scene(), settings, networks.clone()) {
         Err(Error::MemoryLimit { needed, .. }) => {
@@ -56,7 +56,7 @@ fn case(resolution: usize, photos: usize) -> [u64; 2] {
     [resident("VmHWM:") - before, estimate]
 }
 
-/// Names the case to a process of its own: what another session has freed is not given back.
+/// Names the case for a process of its own: freed memory of another session is not returned to the system.
 const CASE: &str = "SVBRDF_MEMORY_CASE";
 
 #[test]

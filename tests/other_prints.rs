@@ -37,7 +37,7 @@ fn photo(printed: &Target) -> Photo {
     Photo::from_linear(1440, 1080, rgb, 1.0, 9.0).unwrap()
 }
 
-/// What is said about the board when a photograph of one is taken for one of another.
+/// The reported difference if a photograph of one board is taken for one of another.
 fn said(printed: &Target, described: &Target) -> Option<BoardDifference> {
     let scene = Described::Board {
         target: described.clone(),

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Python wheel, installs it into a fresh environment without a compiler, and runs its tests and
-# type checks there. PROFILE=dist builds what is shipped, with the licences of third parties inside (cargo-about);
+# type checks there. PROFILE=dist builds the shipped wheel, with the licences of third parties inside (cargo-about);
 # WHEEL names a folder that gets a copy. Needs maturin, numpy, pytest and mypy from PyPI.
 set -euo pipefail
 cd "$(dirname "$0")/.."

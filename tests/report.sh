@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Looks at report.html in Debian's Chromium: the viewer against `svbrdf render`, dragging, keys, the
-# slider, accessibility, and that nothing is loaded. Needs node, npm and Chromium; installs what is
-# missing of them and says SKIPPED where it cannot. With a folder as argument, pictures of the page
+# slider, accessibility, and that nothing is loaded. Needs node, npm and Chromium; installs those that
+# are missing, and says SKIPPED if it cannot. With a folder as argument, pictures of the page
 # are left there.
 set -euo pipefail
 cd "$(dirname "$0")/.."

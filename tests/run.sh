@@ -2,7 +2,7 @@
 # Runs the checks of the repository:
 #
 #   tests/run.sh            all of them; arguments are handed to cargo test
-#   tests/run.sh --quick    formatting, unit tests, documents, command line, C and C++ clients
+#   tests/run.sh --quick    formatting, spelling, unit tests, documents, command line, C and C++ clients
 #
 # --quick needs Rust and a C and a C++ compiler, and installs nothing: 14 minutes on two cores the first time, four
 # where dependencies have been compiled.
@@ -15,7 +15,7 @@
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
 #   nodejs, chromium, fonts-dejavu-core, python3-venv   validators of exports, report.html in a browser
-# and, below target/, packages of npm and PyPI (validators; maturin, numpy, pytest and mypy for the Python
+# and, below target/, packages of npm and PyPI (validators, typos; maturin, numpy, pytest and mypy for the Python
 # module), a Kotlin compiler, and a Swift compiler from Debian 13: 2 GB altogether.
 #
 # Debian 12 and 13 have all of these packages. Ubuntu's chromium is a snap, which these checks cannot start as
@@ -25,9 +25,9 @@
 # tests/thread-sanitizer.sh, tests/blender.sh, tests/web.sh, tests/many.sh (Dask); and those that start daemons or change
 # roots: tests/slurm.sh, tests/image.sh, tests/bionic.sh.
 #
-# What is left out is said, counted at the end, and fails the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
-# may name a folder with further captures: what is missing there fails; without it, tests that need it
-# are left out.
+# Skipped checks are reported, counted at the end, and fail the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
+# may name a folder with further captures: a missing file there is a failure. Without it, tests that need it
+# are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -44,7 +44,7 @@ SVBRDF_SKIPPED=$(mktemp)
 export SVBRDF_SKIPPED
 finish() {
   local status=$? count
-  # What still runs beside a check that has failed.
+  # Checks that still run beside a failed one.
   kill $(jobs -p) 2>/dev/null || true
   count=$(sort -u "$SVBRDF_SKIPPED" | wc -l)
   if [ "$count" -gt 0 ]; then
@@ -63,10 +63,15 @@ trap finish EXIT
 
 if [ -n "$quick" ]; then
   cargo fmt --all --check
-  # As the default members are built: of one package alone, dependencies would be compiled anew.
-  cargo test --release --lib --bins --test structure --test documents --test dependencies --test session \
-    --test header --test fit --test commands "$@"
-  SVBRDF_TEST_QUICK=1 cargo test --release --test clients "$@" -- --skip valgrind
+  tests/spelling.sh --installed
+  # One selection of packages: of one package alone, dependencies would be compiled anew.
+  packages=(-p svbrdf -p svbrdf-models -p svbrdf-cli -p svbrdf-ffi)
+  tests=(--lib --bins --test structure --test documents --test dependencies --test session --test header --test fit
+    --test commands)
+  cargo build --release "${packages[@]}" "${tests[@]}" --test clients
+  export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
+  cargo test --release "${packages[@]}" "${tests[@]}" "$@"
+  SVBRDF_TEST_QUICK=1 cargo test --release "${packages[@]}" --test clients "$@" -- --skip valgrind --skip examples_run
   exit 0
 fi
 
@@ -105,13 +110,14 @@ cargo build --release "${packages[@]}" --lib --bins --tests
 export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
 
-# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end. What
-# uses cargo comes last: the tests hold the lock of its folder until they are compiled. Lints and documentation
+# Beside the tests, which leave a processor idle while they wait for the last of a file; shown at the end. Checks that
+# use cargo come last: the tests hold the lock of its folder until they are compiled. Lints and documentation
 # use the macros and build scripts that are there, and check dependencies once for both.
 log=$(mktemp)
 (
   tests/package.sh
   tests/licences.sh
+  tests/spelling.sh
   tests/report.sh
   tests/exports.sh
   cargo clippy --release "${packages[@]}" --all-targets --quiet -- -D warnings

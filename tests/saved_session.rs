@@ -144,7 +144,7 @@ fn settled_sessions_come_back_as_they_are() {
     assert_eq!(restored.light_correction(), session.light_correction());
 }
 
-/// A photograph takes six bytes a texel, and what is measured in it; two sets of maps 36 bytes a texel each.
+/// A photograph takes six bytes a texel and its measurements; two sets of maps take 36 bytes a texel each.
 #[test]
 fn fifty_photographs_are_saved_small() {
     let session = session(Settings::default());
@@ -202,7 +202,7 @@ fn sessions_without_photographs_are_saved_and_cancelled_ones_are_not() {
     assert!(matches!(empty.save(), Err(Error::Cancelled)));
 }
 
-/// With a camera that is estimated every photograph changes what is known of the earlier ones.
+/// With an estimated camera every photograph changes the estimates of the earlier ones.
 #[test]
 fn camera_and_light_go_on_as_well() {
     let capture = Capture::load(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile"));
@@ -215,7 +215,7 @@ fn camera_and_light_go_on_as_well() {
             flash_offset_mm: None,
             elevation_mm: None,
         };
-        // Without the fit: this is about what happens before it.
+        // Without the fit: this tests the calibration before it.
         let driver = Driver::Caller;
         let settings = Settings { sample_mm: capture.sample_mm, driver, ..Settings::default() };
         let straight = Session::with_networks(scene, settings, networks()).unwrap();

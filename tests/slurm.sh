@@ -25,7 +25,7 @@ finish() {
   [ $status = 0 ] || tail -n 5 "$work"/*.log "$work"/out/*.log 2>/dev/null || true
   scancel --full --signal=KILL --user="$(id -un)" 2>/dev/null || true
   for pid in "${daemons[@]}"; do kill -KILL "$pid" 2>/dev/null || true; done
-  # What Slurm keeps running beside its daemons: only processes of this cluster.
+  # Processes that Slurm runs beside its daemons, of this cluster only.
   for name in a b; do steps "$name" | xargs -r kill -KILL 2>/dev/null || true; done
   rm -rf "$work"
   exit $status
@@ -89,9 +89,9 @@ node() {
   daemons+=($!)
   disown
 }
+# A busy machine takes its time.
 until_true() {
-  local seconds=$1 i
-  shift
+  local seconds=600 i
   for ((i = 0; i < 5 * seconds; i++)); do
     if "$@"; then return 0; fi
     sleep 0.2
@@ -100,14 +100,14 @@ until_true() {
   sinfo >&2 || true
   fail "not within $seconds s: $*"
 }
-until_true 10 test -S "$work/munge.socket"
+until_true test -S "$work/munge.socket"
 slurmctld -D -c > "$work/slurmctld.out" 2>&1 &
 daemons+=($!)
 disown
 node a
 node b
 idle() { [ "$(sinfo -h -t idle -o %D 2>/dev/null)" = 2 ]; }
-until_true 30 idle
+until_true idle
 echo "$(slurmctld -V): two nodes are idle"
 
 # Captures whose fits take some seconds.
@@ -144,34 +144,34 @@ no_jobs() {
 }
 
 job=$(submit)
-until_true 60 at_least 2
+until_true at_least 2
 cancelled=$(task_on "$job" a)
 scancel "$cancelled"
 echo "task $cancelled is cancelled with $(complete) of $count captures done"
 gone() { [ "$(task_on "$job" a)" != "$cancelled" ]; }
-until_true 30 gone
+until_true gone
 
 # A crash of a node: its daemon and all that runs there.
-until_true 30 busy b
+until_true busy b
 crashed=$(task_on "$job" b)
 kill -KILL "${slurmd[b]}"
 steps b | xargs -r kill -KILL
 echo "node b has crashed with $crashed, $(complete) of $count captures done"
-until_true 60 down b
+until_true down b
 node b
-until_true 60 no_jobs
+until_true no_jobs
 echo "first submission: $(complete) of $count captures done; $(state "$job")"
 at_least $((count - 3)) || fail "more than the cancelled task's captures are missing"
 at_least $count && fail "the cancelled task had nothing left to do: it was cancelled too late"
 
 # The same command again, and a controller that loses a node whose task goes on.
 job=$(submit)
-until_true 30 busy a
+until_true busy a
 lost=$(task_on "$job" a)
 kill -KILL "${slurmd[a]}"
-until_true 60 down a
+until_true down a
 node a
-until_true 90 no_jobs
+until_true no_jobs
 echo "second submission, with node a lost under $lost: $(complete) of $count captures done; $(state "$job")"
 at_least $count || fail "captures are missing"
 
@@ -181,7 +181,7 @@ sort "$work/ledger" | awk '{ print "  " $0 }'
 [ -z "$twice" ] || fail "fitted twice: $twice"
 asked=$(wc -l < "$work/ledger")
 job=$(submit)
-until_true 60 no_jobs
+until_true no_jobs
 [ "$(state "$job")" = "COMPLETED " ] || fail "third submission: $(state "$job")"
 twice=$(awk '$3 == 0 { print $1, $4 }' "$work/ledger" | sort -u | cut -d ' ' -f 1 | uniq -d)
 [ -z "$twice" ] || fail "fitted twice: $twice"

@@ -1,5 +1,5 @@
-//! What runs in every step of a fit allocates no planes: only lists of bands, the packing of small
-//! matrices and the thread pool's own bookkeeping.
+//! Steps of a fit allocate no planes: only lists of bands, the packing of small matrices, and the bookkeeping of the
+//! thread pool.
 
 use svbrdf::estimate::{EstimateOptions, Method};
 use svbrdf::estimator::Estimator;

@@ -19,7 +19,7 @@ options=(-o "Dir::Etc::SourceList=$apt/sources.list" -o Dir::Etc::SourceParts=-
 apt-get "${options[@]}" update -q
 (cd "$apt" && apt-get "${options[@]}" download -q swiftlang libswiftlang libc6 libgcc-s1 libstdc++6 libtinfo6 \
   libuuid1 libzstd1 zlib1g)
-# Neither the debugger nor what other platforms need.
+# Without the debugger and the files of other platforms.
 swift=./usr/libexec/swift
 for package in "$apt"/*.deb; do
   dpkg-deb --fsys-tarfile "$package" | tar x -C "$tools/root" --wildcards \

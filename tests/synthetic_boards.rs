@@ -179,7 +179,7 @@ fn blur_is_measured_and_hopeless_blur_is_refused() {
     );
 }
 
-/// What a board is that differs from its description, as the detector says it.
+/// The difference of a board from its description, as the detector reports it.
 fn difference(shown: &Scene, stated: &Target, mirrored: bool) -> Option<BoardDifference> {
     let mut luma = shown.luma();
     if mirrored {

@@ -44,7 +44,7 @@ fn every_thread_of_a_session_calls_the_hook_first() {
     let work = |i: usize| (format!("svbrdf-{i}"), Role::Work);
     let expected = [work(0), work(1), work(2), ("svbrdf-fit".to_owned(), Role::Fit)];
     assert_eq!(wait(4), expected);
-    // The threads of what runs outside of sessions.
+    // The threads of work outside of sessions.
     let begun = Instant::now();
     while !seen.lock().unwrap().iter().any(|(name, _)| name == "svbrdf-global-0") {
         assert!(begun.elapsed() < PATIENCE, "{:?}", seen.lock().unwrap());

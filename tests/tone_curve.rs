@@ -75,7 +75,7 @@ fn curves_known_later_are_undone_afterwards() {
         rotation: DMat3::from_rotation_x(PI - 0.2),
         translation: DVec3::new(2.0, 1.0, 250.0),
     };
-    // Smooth, so that undoing a mean is undoing what it is the mean of; a corner is saturated.
+    // Smooth, so that the inverse of a mean is the mean of the inverses; a corner is saturated.
     let value = |i: u32| 0.02 + 0.9 * (i % width) as f32 / width as f32;
     let rgb = (0..width * height).flat_map(|i| [value(i), 0.5 * value(i), 0.3]).collect();
     let photo = Photo::from_linear(width, height, rgb, 1.0, 0.6).unwrap();
@@ -110,7 +110,7 @@ fn curves_known_later_are_undone_afterwards() {
     }
 }
 
-/// Renderings err little further than those of linear photographs, and it is said what was done;
+/// Renderings err little further than those of linear photographs, and the correction is reported;
 /// without the curve it would be three times and more. 8 bits are rounded twice here, and one case may
 /// take another prior than its twin (1.09, 1.46, 1.29 times with two, three and four photographs), so
 /// it is their geometric mean that is held; the mean of four materials is .8 to 1.2.
@@ -140,8 +140,8 @@ fn tone_mapped_photographs_make_nearly_the_maps_of_linear_ones() {
     assert!(mean < 1.4, "{mean}");
 }
 
-/// The curve of a capture goes with its photographs: one that is taken back takes what it told along,
-/// and a saved session goes on with the same curve.
+/// The curve of a capture follows its photographs: removing one removes its contribution, and a restored session has
+/// the same curve.
 #[test]
 fn curves_are_taken_back_and_saved_with_their_photographs() {
     let photos: Vec<Photo> = photos(4).iter().map(toned).collect();

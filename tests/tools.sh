@@ -1,5 +1,5 @@
-# Installs what checks need, for the scripts that source it. Packages come by apt (Debian, Ubuntu), one call
-# a tool, so that one that cannot be had leaves the others in place. What is left out is said, and noted in
+# Installs the tools of checks, for the scripts that source it. Packages come by apt (Debian, Ubuntu), one call
+# a tool, so that one that cannot be had leaves the others in place. Missing tools are reported, and noted in
 # the file that SVBRDF_SKIPPED names.
 
 skip() {

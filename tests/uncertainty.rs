@@ -145,7 +145,7 @@ fn views_tell_most_where_none_was() {
     let places = [POSITIONS[0], [4.0, 0.0, 110.0], elsewhere].map(at);
     let [same, near, far] = estimator.outlook(&places).unwrap().try_into().unwrap();
     assert!(same == 0.0 && near < 0.2 * far && far < 1.0, "{same} {near} {far}");
-    // What that view has told it does not tell again; less is left to tell elsewhere, too.
+    // The same view adds less the second time; the gain elsewhere falls too.
     estimator.add(observation(&truth, view(elsewhere))).unwrap();
     estimator.settle().unwrap();
     let gains = estimator.outlook(&[elsewhere, [0.0, 60.0, 95.0]].map(at)).unwrap();

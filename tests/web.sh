@@ -2,7 +2,7 @@
 # Builds the web page and uses it in Debian's Chromium: the example's maps against the command
 # line's, photographs without a description, bad and very large pictures, downloads, a lost worker,
 # a stopped page, use without a network, a phone's width, accessibility; no console error, no request
-# to anywhere else. Needs node, npm and Chromium; installs what is missing of them and says SKIPPED where
+# to anywhere else. Needs node, npm and Chromium; installs those that are missing, and says SKIPPED if
 # it cannot. With a folder as argument, pictures of the page are left there. Not part of
 # tests/run.sh: the first build takes longer than all other checks.
 set -euo pipefail

@@ -14,7 +14,7 @@ import torch
 from torch.nn import functional as F
 
 from evaluate import capture, errors, fit, start_maps, validation_materials
-from networks import PaperAutoEncoder
+from paper_networks import PaperAutoEncoder
 from renderer import render
 from schedule import load_ema, load_photo_network
 

@@ -8,7 +8,7 @@ makes the network fit a small budget.
 import torch
 
 from data import MaterialPool, augment
-from networks import PaperAutoEncoder
+from paper_networks import PaperAutoEncoder
 from photo_losses import rendering_loss
 from renderer import random_configurations
 from schedule import Run, arguments, mixed_precision

@@ -1,4 +1,4 @@
-// What goes into a scanner: every kind of bad input, and pictures in memory of every kind.
+// Inputs of a scanner: every kind of bad input, and pictures in memory of every kind.
 
 package org.svbrdf.scanner
 

@@ -1,4 +1,4 @@
-// When scanners end, what they call and when, what is left behind.
+// Lifecycle of scanners: their ends, their callbacks, and no remains.
 
 package org.svbrdf.scanner
 
@@ -15,7 +15,7 @@ import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
 import kotlinx.coroutines.withTimeoutOrNull
 
-/** For what others do in their own time, on a busy machine. */
+/** Longest wait for other threads, on a busy machine. */
 const val PATIENCE_NS = 600_000_000_000
 
 /** Waits until it is so. */
@@ -34,12 +34,14 @@ fun callbacksThatMisbehave() {
     Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
     val closed = CountDownLatch(1)
     val late = AtomicInteger()
+    val caller = AtomicReference<Thread>()
     val listener = object : MaterialScanner.Listener {
         override fun onMaps(scanner: MaterialScanner) {
             throw IllegalStateException("mine")
         }
 
         override fun onProgress(scanner: MaterialScanner, progress: Progress) {
+            caller.set(Thread.currentThread())
             if (closed.count == 0L) {
                 late.incrementAndGet()
             }
@@ -52,13 +54,14 @@ fun callbacksThatMisbehave() {
     val outcome = runCatching { scanner.addRectifiedPhoto(gray(), above, above) }
     verify(outcome.getOrNull() is Outcome.Accepted) { "$outcome" }
     verify(closed.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
-    Thread.sleep(50)
+    // After its end nothing can call.
+    caller.get().join()
     Thread.setDefaultUncaughtExceptionHandler(before)
     verify(uncaught.any() && uncaught.all { it.message == "mine" }) { "$uncaught" }
     verify(late.get() == 0) { "$late" }
     uncaught.clear()
     throws<IllegalStateException>("closed") { scanner.progress }
-    // Closed by others while a callback runs: what fails there then is nobody's fault.
+    // Closed by others while a callback runs: failures there are no faults.
     val inside = CountDownLatch(1)
     val slow = object : MaterialScanner.Listener {
         override fun onMaps(scanner: MaterialScanner) {
@@ -78,19 +81,24 @@ fun callbacksThatMisbehave() {
 }
 
 fun closingWhileOthersCall() {
-    repeat(10) {
+    repeat(10) { round ->
         val scanner = MaterialScanner(small, ScannerFlows())
         val surprise = AtomicReference<Throwable>()
+        val inside = List(4) { CountDownLatch(1) }
         val workers = List(4) { worker ->
             thread {
                 try {
                     while (true) {
+                        if (round % 2 == 0) {
+                            inside[worker].countDown()
+                        }
                         when (worker) {
                             0 -> scanner.addRectifiedPhoto(gray(), above, above)
                             1 -> scanner.snapshot()?.use { it.rgba8(MapKind.NORMAL) }
                             2 -> scanner.await(1)
                             else -> scanner.progress
                         }
+                        inside[worker].countDown()
                     }
                 } catch (expected: IllegalStateException) {
                     // Closed.
@@ -98,10 +106,13 @@ fun closingWhileOthersCall() {
                     if ((thrown as? ScannerException)?.fault != Fault.CANCELLED) {
                         surprise.set(thrown)
                     }
+                } finally {
+                    inside[worker].countDown()
                 }
             }
         }
-        Thread.sleep(30)
+        // In their first calls, or after them.
+        inside.forEach { it.await() }
         scanner.close()
         workers.forEach { it.join() }
         surprise.get()?.let { throw it }
@@ -123,7 +134,7 @@ fun flows(): Unit = runBlocking {
         val state = File(out, "suspending.state")
         scanner.saveSuspending(state)
         MaterialScanner.restore(state).use { verify(it.progress.photos == 1) { "saved" } }
-        // What does not end is left when its coroutine is cancelled, or its time is over.
+        // A cancelled coroutine or a timeout ends the wait.
         scanner.pause()
         scanner.addRectifiedPhoto(gray(), above, above)
         verify(!scanner.awaitSuspending(150)) { "a fit that is held" }
@@ -153,7 +164,7 @@ fun residentKiB(): Long =
 
 fun twoHundredSessions() {
     val listener = object : MaterialScanner.Listener {}
-    // Every fifth takes a photo in, which is what costs time; none waits for a fit.
+    // Only every fifth takes the time to add a photo; none waits for a fit.
     fun sessions(count: Int) = repeat(count) { index ->
         MaterialScanner(small, listener).use { scanner ->
             if (index % 5 == 0) {

@@ -9,7 +9,7 @@ android {
     defaultConfig {
         minSdk = 26
         consumerProguardFiles("consumer-rules.pro")
-        // What cargo-ndk has built, see README.md.
+        // The build of cargo-ndk, see README.md.
         ndk { abiFilters += listOf("arm64-v8a", "x86_64") }
     }
     externalNativeBuild {

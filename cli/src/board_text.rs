@@ -16,7 +16,7 @@ struct Text<'a> {
     parts: Vec<&'a str>,
 }
 
-/// Boards that the text may mean: those whose colours cannot be told from it come in both.
+/// Boards that the text may describe: both colours, if it does not state them.
 pub fn targets(text: &str) -> Result<Vec<Target>> {
     let text = Text { whole: text, parts: text.split(':').collect() };
     match text.parts[0] {

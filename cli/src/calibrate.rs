@@ -53,7 +53,7 @@ struct Image<'a> {
     status: Option<&'static str>,
     message: String,
     size: (u32, u32),
-    /// What is expected of the camera.
+    /// Prior of the camera.
     prior: Option<CameraPrior>,
     corners: Vec<Corner>,
 }

@@ -30,7 +30,7 @@ impl Failure {
         match self {
             Self::Input(_) => 2,
             Self::Other(_) => 1,
-            // What shells report of a command that SIGINT ended.
+            // As shells report a command that SIGINT ended.
             Self::Interrupted(_) => 130,
         }
     }

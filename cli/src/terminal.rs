@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Write};
 
 use crate::failure::{Failure, Result};
 
-/// Says a line on standard error. That nobody can read it is no reason to end.
+/// Writes a line to standard error. A closed stream is ignored.
 pub fn say(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }

@@ -69,7 +69,7 @@ fn a_camera_is_found_and_one_bad_photo_does_not_fail_the_run() {
         assert!(!image["reason"].as_str().unwrap().is_empty());
         assert_eq!(number(&image["corners"]), 0.0);
     }
-    // What is written is a camera for `fit`.
+    // The file is a camera for `fit`.
     assert_eq!(read_camera(&out).unwrap().fx, number(&printed["fx"]));
     // People get lines.
     let lines = succeed(&["calibrate", "--board", "ring", text(&files[0]), text(&files[1])]);

@@ -1,7 +1,7 @@
 //! Raw photographs.
 
 mod common;
-#[allow(dead_code)] // a part of what it writes
+#[allow(dead_code)] // Other tests use the rest.
 #[path = "../../tests/common/negatives.rs"]
 mod negatives;
 
@@ -22,7 +22,7 @@ const BLACK: f64 = 256.0;
 /// One step of 14 bits and of the 16 that a photograph keeps, and the matrix's rounding.
 const STEP: f64 = 1.5e-4;
 
-/// What a sensor sees whose values are `mix` times linear Rec. 709.
+/// The matrix from linear Rec. 709 to the sensor's values.
 fn mixed() -> DMat3 {
     let rows = [[0.35, 0.15, 0.05], [0.2, 0.7, 0.1], [0.05, 0.15, 0.5]];
     DMat3::from_cols_array_2d(&rows).transpose()
@@ -81,8 +81,8 @@ fn read_bytes(bytes: &[u8]) -> Result<Photo, String> {
     files::read(&path, &options).map(|d| d.photo).map_err(|fault| fault.to_string())
 }
 
-/// Largest difference from a picture, two pixels of the margin aside: what lies behind the margin
-/// is not a ramp. Values are those of the scene.
+/// Largest difference from a picture without a margin of two pixels, outside of which it is not a ramp. Values are
+/// those of the scene.
 fn error(photo: &Photo, picture: impl Fn(u32, u32) -> DVec3) -> f64 {
     let mut largest = 0.0f64;
     for y in 2..photo.height() - 2 {
@@ -403,7 +403,7 @@ fn save(photo: &Photo, exposure: f32, path: &Path) {
     let samples = (0..size[0] * size[1]).map(|p| {
         let (x, y) = (p % size[0], p / size[0]);
         let seen = mix * DVec3::from_array(photo.pixel(x, y).map(f64::from));
-        // What is cut off in the picture was cut off on the sensor.
+        // Pixels that are clipped in the picture were clipped on the sensor.
         let value = if photo.is_clipped(x, y) { 1.0 } else { seen[(x % 2 + y % 2) as usize] };
         (BLACK + value * (WHITE - BLACK)).round().min(WHITE) as u16
     });
@@ -417,7 +417,7 @@ fn save(photo: &Photo, exposure: f32, path: &Path) {
         .save(path);
 }
 
-/// Fits quickly; what was said, and the report.
+/// Fits quickly. Returns the messages and the report.
 fn fit(inputs: &[&str], out: &Path) -> (String, Value) {
     let fast = ["--resolution", "256", "--method", "classic", "--steps", "2"];
     let fast = [&fast[..], &["--no-report", "--at-once"]].concat();
@@ -428,7 +428,7 @@ fn fit(inputs: &[&str], out: &Path) -> (String, Value) {
     (said, report)
 }
 
-/// Three simulated photographs as PNG and as DNG, and what is made of them.
+/// Three simulated photographs as PNG and as DNG give the same maps.
 #[test]
 fn a_fit_of_raw_photographs_is_that_of_pictures() {
     let dir = tempfile::tempdir().unwrap();

@@ -53,7 +53,7 @@ fn cargo_faults(arguments: &[&str]) -> Option<String> {
     None
 }
 
-/// What is wrong with a command, or nothing.
+/// The fault of a command, if it has one.
 fn fault(command: &str) -> Option<String> {
     let words = command.split_whitespace().skip_while(|word| {
         // SVBRDF_SHARE=0 and the like.

@@ -1,4 +1,4 @@
-//! Faults of captures and what `fit` says of them.
+//! Faults of captures and the messages of `fit`.
 
 mod common;
 
@@ -203,7 +203,7 @@ fn tone_mapped_photographs_are_told() {
         assert!(hint["code"] == "not_linear", "{frame}");
         assert!(hint["hint"].as_str().unwrap().ends_with(undone), "{frame}");
     }
-    // The shoulder is what the curve is about.
+    // The curve has a shoulder.
     let slopes = &report["tone_curve"]["log_slopes"];
     assert!(slopes[2].as_f64().unwrap() > 0.5, "{slopes}");
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();

@@ -1,4 +1,4 @@
-//! What `fit` and others leave behind when streams are closed, runs are killed or names are of the wrong kind.
+//! Files after closed streams, killed runs, and names of the wrong kind.
 #![cfg(unix)]
 
 mod common;
@@ -75,7 +75,7 @@ fn streams_that_are_closed_or_full_cost_nothing() {
         assert_eq!(command(&arguments).stdout(stream).status().unwrap().code(), Some(0), "{name}");
         assert!(is_complete(&out), "{name}");
     }
-    // What is printed is all that there is: lost on a full disk, but read as far as somebody wanted to.
+    // Standard output is their only result: a full disk is a failure, a reader that leaves early is not.
     let source = dir.path().join("source");
     let board = dir.path().join("board.svg");
     for arguments in [["compare", text(&source), text(&source)], ["board", "--out", text(&board)]] {
@@ -126,7 +126,7 @@ fn killed_runs_leave_no_report_beside_other_maps() {
     assert_eq!(fit("classic", &["--no-report"]).status().unwrap().code(), Some(0));
     assert!(is_complete(&out) && temporaries(&out) == 0, "{:?}", names(&out));
 
-    // What `--skip-existing` believes: this set as it is.
+    // `--skip-existing` accepts only the complete set of unchanged files.
     let skip = || {
         let output = fit("classic", &["--no-report", "--skip-existing", "--log", "json"])
             .stdout(Stdio::piped())
@@ -158,12 +158,24 @@ fn temporaries(dir: &Path) -> usize {
         .sum()
 }
 
+/// A rectified capture of one small photograph, `times` times.
+fn repeated(dir: &Path, times: usize) -> PathBuf {
+    let capture = capture(dir);
+    let file = capture.join("capture.json");
+    let mut description: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    let frame = description["frames"][0].clone();
+    description["frames"] = vec![frame; times].into();
+    fs::write(file, description.to_string()).unwrap();
+    capture
+}
+
 /// A closed terminal ends a fit in order; under `nohup` it does not.
 #[test]
 fn a_closed_terminal_ends_a_fit_in_order() {
-    let dir = tempfile::tempdir().unwrap();
-    let capture = capture(dir.path());
-    for ignored in [false, true] {
+    // A fit of so many photographs takes minutes: no signal comes too late for it.
+    for (ignored, photographs) in [(false, 400), (true, 3)] {
+        let dir = tempfile::tempdir().unwrap();
+        let capture = repeated(dir.path(), photographs);
         let out = dir.path().join(if ignored { "ignored" } else { "heard" });
         let trap = if ignored { "trap '' HUP; exec \"$@\"" } else { "exec \"$@\"" };
         let mut child = Command::new("sh")
@@ -177,9 +189,9 @@ fn a_closed_terminal_ends_a_fit_in_order() {
             .unwrap();
         let mut events = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
-        while !line.contains("\"progress\"") {
+        while !line.contains("\"photo\"") {
             line.clear();
-            assert!(events.read_line(&mut line).unwrap() > 0, "no progress");
+            assert!(events.read_line(&mut line).unwrap() > 0, "no photo");
         }
         let process = child.id().to_string();
         assert!(Command::new("kill").args(["-s", "HUP", &process]).status().unwrap().success());

@@ -46,7 +46,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 
-/// Fits quickly; what was said on standard error.
+/// Fits quickly. Returns standard error.
 fn fit(inputs: &[&Path], out: &Path) -> String {
     let inputs: Vec<&str> = inputs.iter().map(|path| text(path)).collect();
     let output = run(&[&["fit", "--out", text(out)][..], &FAST, &inputs].concat());
@@ -55,7 +55,7 @@ fn fit(inputs: &[&Path], out: &Path) -> String {
     said
 }
 
-/// Fits what an earlier fit has described.
+/// Fits the capture that an earlier fit has described.
 fn fit_again(out: &Path, again: &Path) -> Vec<u8> {
     succeed(&[&["fit", text(out), "--out", text(again)][..], &FAST[2..]].concat());
     fs::read(again.join("maps.exr")).unwrap()
@@ -67,7 +67,7 @@ fn exposure_order_and_camera_come_from_metadata() {
     let shots = &*SHOTS;
     let folder = dir.path().join("Küche 台所");
     fs::create_dir(&folder).unwrap();
-    // What the metadata amount to, relative to the first in time: 1, 1/2, 3/4.
+    // Exposures of the metadata, relative to the first in time: 1, 1/2, 3/4.
     let seconds = [([1, 50], 100, 18), ([1, 25], 100, 36), ([1, 100], 150, 18)];
     let truth = [1.0, 0.5, 0.75];
     for (i, shot) in shots.iter().enumerate() {
@@ -106,7 +106,7 @@ fn exposure_order_and_camera_come_from_metadata() {
     let left_out = report["photographs"]["left_out"][0]["image"].as_str().unwrap();
     assert!(left_out.ends_with("anders.jpg"));
     assert!(report["frames"].as_array().unwrap().iter().all(|f| f["status"] == "accepted"));
-    // What was written repeats the run, moved elsewhere together with the photographs.
+    // The written capture repeats the run, also from another folder.
     let first = fs::read(out.join("maps.exr")).unwrap();
     assert_eq!(fit_again(&out, &dir.path().join("again")), first);
     let (moved, photos) = (dir.path().join("x/y"), dir.path().join("x/Küche 台所"));
@@ -438,7 +438,7 @@ fn photographs_are_taken_as_they_arrive() {
         Written::default().save(&path, shot);
         fs::read(path).unwrap()
     };
-    // Each in one piece: what stands still for a moment while it is written counts as a whole file.
+    // Each in one piece: a file that does not grow for a moment counts as complete.
     let put = |name: &str, bytes: &[u8]| {
         let whole = dir.path().join("whole");
         fs::write(&whole, bytes).unwrap();

@@ -1,4 +1,4 @@
-//! `report.html`, photographs held out, and what an interrupted fit leaves.
+//! `report.html`, photographs held out, and the files of an interrupted fit.
 
 mod common;
 
@@ -27,7 +27,7 @@ fn report(out: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(out.join("report.json")).unwrap()).unwrap()
 }
 
-/// What the page says, as its scripts see it.
+/// The data of the page, as its scripts see them.
 fn data(page: &str) -> Value {
     let (_, rest) = page.split_once("id=\"data\">").unwrap();
     serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()

@@ -14,7 +14,7 @@ pub(crate) struct Callbacks {
     on_progress: svbrdf_progress_callback,
     on_maps: svbrdf_maps_callback,
     log: Sink,
-    /// What a session's log lines pass; closed when the session is destroyed.
+    /// The gate of the session's log lines; closed when the session is destroyed.
     pub(crate) logging: Gate,
     /// Lines for the callback thread.
     later: Mutex<Vec<(svbrdf_log_level, String)>>,

@@ -119,12 +119,12 @@ pub(crate) fn library_sink_changed() {
 pub(crate) struct Events(Option<Dispatch>);
 
 impl Events {
-    /// Of calls of the session.
+    /// Events of calls of the session.
     pub(crate) fn of_calls(callbacks: &Arc<Callbacks>) -> Self {
         Self::new(callbacks, Receiver::Call)
     }
 
-    /// Of its fit, whose threads are started inside.
+    /// Events of its fit, whose threads are started inside.
     pub(crate) fn of_fit(callbacks: &Arc<Callbacks>) -> Self {
         Self::new(callbacks, Receiver::Fit)
     }

@@ -245,7 +245,7 @@ pub unsafe extern "C" fn svbrdf_package_file(
             let count = package.0.len();
             Fault::argument(format!("index: {index} given, the package has {count} files"))
         })?;
-        // SAFETY: the caller vouches for what is not NULL.
+        // SAFETY: the caller vouches for pointers that are not NULL.
         unsafe {
             if !name.is_null() {
                 name.write(file.as_ptr());

@@ -16,7 +16,7 @@ use crate::versioned::{self, versioned};
 
 /// The user's next action: one of SVBRDF_ACTION_.
 pub type svbrdf_action = u32;
-/// Correct what svbrdf_probe.rejection names: a photo would not be used.
+/// Correct the fault that svbrdf_probe.rejection names: a photo would not be used.
 pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
 /// Keep the camera where it is, until it is steady or a photo has been taken in.
 pub const SVBRDF_ACTION_HOLD: svbrdf_action = 2;
@@ -208,12 +208,12 @@ pub unsafe extern "C" fn svbrdf_session_guide_begin(
     })
 }
 
-/// Judges an image of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+/// Judges an image of the camera's preview as svbrdf_session_probe() does, and returns the next action: adjust,
 /// hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
-/// camera, and what the fit expects of a photo from here. Call it with every image, from a few to thirty a
-/// second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
+/// camera, and the expected gain of a photo from here. Call it with every image, from a few to thirty a
+/// second; `info.timestamp_ns` is the image's time on a monotonic clock.
 ///
-/// After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been added, or
+/// After SVBRDF_ACTION_SHOOT it returns SVBRDF_ACTION_HOLD until the photo has been added, or
 /// svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
 /// nor for a photo that is being added. `probe` may be NULL.
 ///

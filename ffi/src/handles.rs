@@ -41,7 +41,7 @@ impl<T> Handles<T> {
         live.get(&handle).cloned().ok_or_else(|| self.unknown(handle))
     }
 
-    /// Takes the object out of the table; calls inside it go on.
+    /// Removes the object from the table; calls inside it continue.
     pub(crate) fn remove(&self, handle: usize) -> Result<Arc<T>, Fault> {
         let mut live = self.live.write().unwrap_or_else(PoisonError::into_inner);
         live.remove(&handle).ok_or_else(|| self.unknown(handle))

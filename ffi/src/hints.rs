@@ -1,4 +1,4 @@
-//! What there is to tell about photos in the end.
+//! Hints about the accepted photos.
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -20,9 +20,9 @@ pub type svbrdf_hint_callback = Option<
     ),
 >;
 
-/// Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
-/// it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
-/// longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
+/// Calls `callback` with each hint about each accepted photo from all present knowledge, on the calling thread and
+/// before it returns. Hints given when a photo was added (svbrdf_photo_report.hints) may no longer hold, and others
+/// may. Meaningful once the fit has settled. Waits for a step of the fit.
 ///
 /// # Safety
 /// `callback` is called with `user_data`.
@@ -44,7 +44,7 @@ pub unsafe extern "C" fn svbrdf_session_hints(
         }
         Ok(())
     });
-    // The session is let go of: the callback may call every function.
+    // Outside of the session, so that the callback may call every function.
     if let Some(call) = callback {
         for (index, code, text) in &all {
             // SAFETY: the caller's function with the arguments that the header says.

@@ -23,7 +23,7 @@ use crate::status::{Fault, SVBRDF_FAILED, entry, panic_text, svbrdf_status};
 pub(crate) struct Live {
     pub(crate) session: Session,
     pub(crate) callbacks: Arc<Callbacks>,
-    /// Those of its calls.
+    /// Events of its calls.
     events: Events,
     /// No callback starts after this.
     pub(crate) destroyed: AtomicBool,
@@ -35,7 +35,7 @@ pub(crate) struct Live {
     failed: OnceLock<String>,
     /// The thread that calls back, if there is one.
     pub(crate) notifier: Mutex<Option<JoinHandle<()>>>,
-    /// Photos that are taken in on a thread of their own.
+    /// Photos that are added on a thread of their own.
     pub(crate) photos: Queue,
     /// Guides the hand that holds the camera.
     pub(crate) guide: Mutex<Guide>,

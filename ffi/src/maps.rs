@@ -333,7 +333,7 @@ pub unsafe extern "C" fn svbrdf_maps_size(
 ) -> svbrdf_status {
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
-        // SAFETY: the caller vouches for what is not NULL.
+        // SAFETY: the caller vouches for pointers that are not NULL.
         unsafe {
             if !width.is_null() {
                 width.write(maps.maps.width() as u32);

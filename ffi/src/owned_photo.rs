@@ -79,8 +79,8 @@ pub(crate) struct OwnedPhoto {
 unsafe impl Send for OwnedPhoto {}
 
 impl OwnedPhoto {
-    /// Copies what a caller hands over, if the session's memory limit allows it. What is wrong with it
-    /// otherwise is said by [`OwnedPhoto::photo`].
+    /// Copies a caller's image, if the session's memory limit allows it. [`OwnedPhoto::photo`] reports all other
+    /// faults.
     ///
     /// # Safety
     /// As [`svbrdf_photo_info::photo`].

@@ -43,8 +43,8 @@ pub struct svbrdf_file_options {
     /// Relative exposure: value = radiance * exposure. 0, the default: that of the metadata
     /// (exposure time * ISO / F-number²), or 1.
     pub exposure: f32,
-    /// Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
-    /// PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
+    /// Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: that of the file (ICC profile,
+    /// PNG's cICP and gAMA), sRGB if it states none, linear for floats and raw values.
     pub transfer: svbrdf_transfer,
     /// Clockwise rotation of the upright image: 0, 90, 180 or 270 degrees. The session's camera
     /// describes the rotated image.

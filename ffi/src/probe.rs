@@ -1,4 +1,4 @@
-//! Photos that are judged and not taken in.
+//! Photos that are judged without being added.
 
 use std::ffi::c_char;
 
@@ -265,7 +265,7 @@ pub unsafe extern "C" fn svbrdf_session_probe(
             SVBRDF_FLASH_OFF => live.session.probe_without_flash(&photo)?,
             _ => live.session.probe(&photo)?,
         };
-        // SAFETY: the caller vouches for what `room` was made of.
+        // SAFETY: the caller vouches for the pointers in `room`.
         unsafe { room.write(&found, info.timestamp_ns) };
         Ok(())
     })

@@ -25,9 +25,9 @@ pub extern "C" fn svbrdf_set_thread_hook(
 
 /// From now on, `callback` is called with the log lines of all sessions, in addition to their on_log,
 /// and with internal errors that belong to no session; NULL ends that. Lines come on many threads,
-/// several at a time, among them those of a fit: `callback` must not call what waits for a fit, such as
-/// svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to the former
-/// callback.
+/// several at a time, among them those of a fit: `callback` must not call functions that wait for a fit, such as
+/// svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to
+/// the former callback.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_set_log_callback(
     callback: svbrdf_log_callback,

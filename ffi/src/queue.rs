@@ -72,8 +72,7 @@ impl Queue {
         }
     }
 
-    /// Takes nothing more. What was put runs still, then the thread ends: its handle, if it was
-    /// started.
+    /// Closes the queue. Its thread runs the remaining work and ends. Returns its handle, if it was started.
     pub(crate) fn close(&self) -> Option<JoinHandle<()>> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         match std::mem::replace(&mut *state, State::Closed) {

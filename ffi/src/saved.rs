@@ -1,4 +1,4 @@
-//! Sessions saved and gone on with.
+//! Saving and restoring sessions.
 
 use std::ffi::{c_char, c_void};
 use std::path::Path;
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn svbrdf_session_save_state_to(
 
 /// Continues a saved session. Only these options count: threads (0: as saved), models, callbacks,
 /// user_data and memory_limit_bytes; the rest is in the state. The bytes are not needed after the
-/// call. SVBRDF_BAD_STATE if they are not what was written, SVBRDF_UNSUPPORTED if a newer
+/// call. SVBRDF_BAD_STATE if they are damaged, SVBRDF_UNSUPPORTED if a newer
 /// version of the library wrote them in another format.
 ///
 /// # Safety

@@ -94,7 +94,7 @@ thread_local! {
 
 fn remember(message: &str) {
     let text = CString::new(message.replace('\0', " ")).unwrap_or_default();
-    // A thread that is going away has nobody left to read it.
+    // Ignored on a thread that is ending.
     let _ = MESSAGE.try_with(|slot| *slot.borrow_mut() = text);
 }
 

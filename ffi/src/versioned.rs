@@ -17,7 +17,7 @@ pub(crate) unsafe trait Versioned: Copy {
     const NAME: &'static str;
     /// Its size in the first release.
     const FIRST_SIZE: usize;
-    /// What `_init` writes, with any `size`.
+    /// The values that `_init` writes, with any `size`.
     fn defaults() -> Self;
 }
 
@@ -60,7 +60,7 @@ fn check_pointer<T: Versioned>(pointer: *const T) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Copies a caller's struct of any version; what it does not have keeps its default.
+/// Copies a caller's struct of any version. Fields that it does not have keep their defaults.
 ///
 /// # Safety
 /// NULL, or as many readable bytes as its `size` field says.

@@ -1,8 +1,8 @@
-//! `ffi/swift`: what it names of C is in the header; with the compiler that `tests/swift-tools.sh` gets,
-//! it is compiled and run. Apple's own frameworks are stand-ins.
+//! `ffi/swift`: the names of C that it uses are in the header. With the compiler of `tests/swift-tools.sh` it is
+//! compiled and run; stand-ins replace Apple's frameworks.
 #![cfg(target_os = "linux")]
 
-#[allow(dead_code)] // What clients in C need.
+#[allow(dead_code)] // Clients in C need more of it.
 #[path = "clients/common.rs"]
 mod common;
 
@@ -58,7 +58,7 @@ fn code_alone(source: &str, comment: (&str, &str)) -> String {
     code + left
 }
 
-/// Words that begin with a prefix, with what follows each.
+/// Words that begin with a prefix, and the text after each.
 fn words<'a>(code: &'a str, prefix: &'a str) -> impl Iterator<Item = (&'a str, &'a str)> {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     code.match_indices(prefix).filter_map(move |(at, _)| {
@@ -68,7 +68,7 @@ fn words<'a>(code: &'a str, prefix: &'a str) -> impl Iterator<Item = (&'a str, &
     })
 }
 
-/// What stands between the parenthesis at the beginning and its end, split at the commas of that level.
+/// The arguments in the parentheses at the beginning, split at the commas of that level.
 fn arguments(text: &str) -> Vec<String> {
     let (mut depth, mut found) = (0, vec![String::new()]);
     for c in text.chars() {
@@ -88,8 +88,7 @@ fn arguments(text: &str) -> Vec<String> {
     found
 }
 
-/// What the header declares: parameters of functions, fields of structs, other names of types, and
-/// constants.
+/// The declarations of the header: parameters of functions, fields of structs, other types, and constants.
 struct Header {
     functions: BTreeMap<String, usize>,
     structs: BTreeMap<String, String>,
@@ -119,7 +118,7 @@ impl Header {
         Self { functions, structs, types, constants }
     }
 
-    /// What is wrong with a piece of Swift.
+    /// The faults of a piece of Swift.
     fn faults(&self, swift: &str) -> Vec<String> {
         let code = code_alone(swift, ("/*", "*/"));
         let mut faults = Vec::new();
@@ -266,7 +265,7 @@ impl Swift {
     }
 }
 
-/// With Apple's frameworks as stand-ins, so that what only they have is looked at as well.
+/// Compiles with stand-ins for Apple's frameworks, so that the code for these is checked too.
 fn compiles_as_for_apple(swift: &Swift, mode: &str) {
     let apple = swift.work.join(format!("apple-{mode}"));
     fs::create_dir(&apple).unwrap();

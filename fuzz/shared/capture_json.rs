@@ -13,7 +13,7 @@ pub fn run(data: &[u8]) -> bool {
     let Ok(capture) = Capture::parse(root.join("examples/captures/tile"), data) else {
         return false;
     };
-    // What is accepted can be worked with.
+    // An accepted description is usable.
     assert!(!capture.photos.is_empty());
     assert!(capture.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0));
     assert!(capture.photos.iter().all(|f| f.exposure.is_finite() && f.exposure > 0.0));

@@ -1,6 +1,5 @@
 //! Anything as a saved session; also with its length and checksums made right, or nearly nothing would get
-//! past them. What begins with `EDIT` are changes of a session with a photograph, which is too long for a
-//! seed.
+//! past them. Inputs that begin with `EDIT` change a session with a photograph, which is too long for a seed.
 
 use std::sync::{Arc, OnceLock};
 

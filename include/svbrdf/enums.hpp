@@ -1,4 +1,4 @@
-// Part of svbrdf.hpp: the constants of svbrdf.h as enumerations; svbrdf.h says what each means.
+// Part of svbrdf.hpp: the constants of svbrdf.h as enumerations; svbrdf.h describes each.
 #ifndef SVBRDF_ENUMS_HPP
 #define SVBRDF_ENUMS_HPP
 
@@ -16,7 +16,7 @@ constexpr std::underlying_type_t<Enum> to_c(Enum value) noexcept {
     return static_cast<std::underlying_type_t<Enum>>(value);
 }
 
-/// What a call answers. Values may be added.
+/// Status of a call. Values may be added.
 enum class StatusCode : svbrdf_status {
     ok = SVBRDF_OK,
     rejected = SVBRDF_REJECTED,
@@ -35,7 +35,7 @@ enum class StatusCode : svbrdf_status {
     memory_limit = SVBRDF_MEMORY_LIMIT,
 };
 
-/// What the photos show.
+/// Scene of the photos.
 enum class Scene : svbrdf_scene {
     board = SVBRDF_SCENE_BOARD,
     rectified = SVBRDF_SCENE_RECTIFIED,
@@ -109,7 +109,7 @@ enum class BayerPattern : svbrdf_bayer_pattern {
     bggr = SVBRDF_BAYER_BGGR,
 };
 
-/// What lit a photo.
+/// The light of a photo.
 enum class Flash : svbrdf_flash {
     unknown = SVBRDF_FLASH_UNKNOWN,
     off = SVBRDF_FLASH_OFF,
@@ -156,7 +156,7 @@ enum class Remark : svbrdf_remarks {
     gray = SVBRDF_REMARK_GRAY,
 };
 
-/// What the user is to do.
+/// The user's next action.
 enum class Action : svbrdf_action {
     adjust = SVBRDF_ACTION_ADJUST,
     hold = SVBRDF_ACTION_HOLD,
@@ -165,7 +165,7 @@ enum class Action : svbrdf_action {
     enough = SVBRDF_ACTION_ENOUGH,
 };
 
-/// What a session is doing.
+/// State of a session.
 enum class State : svbrdf_state {
     ready = SVBRDF_STATE_READY,
     fitting = SVBRDF_STATE_FITTING,
@@ -174,7 +174,7 @@ enum class State : svbrdf_state {
     failed = SVBRDF_STATE_FAILED,
 };
 
-/// What a fit is doing. Values may be added.
+/// Phase of a fit. Values may be added.
 enum class Phase : svbrdf_phase {
     none = SVBRDF_PHASE_NONE,
     other = SVBRDF_PHASE_OTHER,
@@ -240,7 +240,7 @@ enum class SheetFormat : svbrdf_sheet_format {
     png = SVBRDF_SHEET_PNG,
 };
 
-/// What the value of a rejection measures, and its unit. Values may be added.
+/// The quantity of a rejection's value, and its unit. Values may be added.
 enum class Measure : svbrdf_measure {
     none = SVBRDF_MEASURE_NONE,
     corners = SVBRDF_MEASURE_CORNERS,
@@ -254,7 +254,7 @@ enum class Measure : svbrdf_measure {
     square_px = SVBRDF_MEASURE_SQUARE_PX,
 };
 
-/// What a thread of the library does. Values may be added.
+/// Role of a thread of the library. Values may be added.
 enum class Thread : svbrdf_thread {
     work = SVBRDF_THREAD_WORK,
     fit = SVBRDF_THREAD_FIT,

@@ -120,7 +120,7 @@ inline svbrdf_image rgba_f32(const float* data, std::uint32_t width, std::uint32
     return image;
 }
 
-/// What describes the values of a raw sensor.
+/// Description of the values of a raw sensor.
 struct Sensor {
     BayerPattern pattern = BayerPattern::rggb;
     /// Value of darkness at the four places of the pattern, row by row.

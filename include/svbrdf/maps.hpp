@@ -1,4 +1,4 @@
-// Part of svbrdf.hpp: maps, what is made of them, and boards to print.
+// Part of svbrdf.hpp: maps, their outputs, and boards to print.
 #ifndef SVBRDF_MAPS_HPP
 #define SVBRDF_MAPS_HPP
 

@@ -1,4 +1,4 @@
-// Part of svbrdf.hpp: what a session says of photos and of its fit.
+// Part of svbrdf.hpp: reports of a session about photos and its fit.
 #ifndef SVBRDF_RESULTS_HPP
 #define SVBRDF_RESULTS_HPP
 
@@ -13,13 +13,13 @@
 
 namespace svbrdf {
 
-/// What became of a photo.
+/// The outcome of a photo.
 struct Outcome {
     /// Whether it takes part in the fit.
     bool accepted;
     /// Why not; Rejection::none for an accepted photo.
     Rejection rejection;
-    /// What to tell the user: why it was rejected, or hints about an accepted photo; may be empty.
+    /// Text for the user: the reason of a rejection, or hints about an accepted photo; may be empty.
     std::string advice;
     /// Pose, hints and figures.
     svbrdf_photo_report report;
@@ -34,7 +34,7 @@ struct PhotoHint {
     std::uint32_t index;
     /// Stable name for programs, such as "two_groups".
     std::string code;
-    /// A sentence: what was seen, with its figure, and what to do.
+    /// A sentence: the observation with its figure, and the remedy.
     std::string text;
 };
 
@@ -48,13 +48,13 @@ struct Pose {
     double reprojection_rms_px = 0.0;
 };
 
-/// What a photo would be good for that was judged and not taken in.
+/// The verdict on a photo that is not added.
 struct Probe {
     /// Whether a photo like it would be accepted.
     bool acceptable;
     /// Why not; Rejection::none for an acceptable photo.
     Rejection rejection;
-    /// What to tell the user: why it would be rejected, or hints; may be empty.
+    /// Text for the user: the reason of a rejection, or hints; may be empty.
     std::string advice;
     /// Pose, view, blur, light and figures.
     svbrdf_probe report;
@@ -65,12 +65,12 @@ struct Probe {
     explicit operator bool() const noexcept { return acceptable; }
 };
 
-/// What to do now, see SessionView::guide().
+/// The next action, see SessionView::guide().
 struct Guidance {
     Action action;
     /// For the user.
     std::string message;
-    /// The target, and what photos from here and from there would add.
+    /// The target, and the gains of photos from here and from there.
     svbrdf_guidance report;
     /// The image that was judged.
     Probe probe;
@@ -79,7 +79,7 @@ struct Guidance {
 /// State of a fit.
 struct Progress {
     State state;
-    /// What the fit is doing.
+    /// The phase of the fit.
     Phase phase;
     /// Photos accepted so far.
     std::uint32_t photos;

@@ -67,10 +67,10 @@ private:
 
 class SessionView;
 
-/// Called with what became of a photo that was added without waiting.
+/// Called with the outcome of a photo that was added without waiting.
 using OutcomeCallback = std::function<void(SessionView, StatusCode, const Outcome&)>;
 
-/// A session that somebody else owns: what callbacks get. Copies are cheap. Once the session has
+/// A session that somebody else owns, as callbacks receive it. Copies are cheap. Once the session has
 /// been destroyed, calls throw an Error with StatusCode::invalid_handle.
 class SessionView {
 public:
@@ -106,7 +106,7 @@ public:
         return outcome(svbrdf_session_add_capture_photo(get(), capture.get(), index, &report), report);
     }
     /// Takes in a photo of a board that is a file in memory, see svbrdf_session_add_photo_file(). `info`
-    /// gets what the file says of how it was taken.
+    /// gets the metadata of the file.
     Outcome add_photo_file(Span<const std::uint8_t> file,
                         const svbrdf_file_options* options = nullptr,
                         svbrdf_file_info* info = nullptr) {
@@ -121,8 +121,8 @@ public:
             return svbrdf_session_probe(get(), &image, info, report);
         });
     }
-    /// Judges an image of the preview and says what to do: adjust, hold, move, shoot, or enough. Call it
-    /// with every image; `info.timestamp_ns` says when it was taken.
+    /// Judges an image of the preview and returns the next action: adjust, hold, move, shoot, or enough. Call it
+    /// with every image; `info.timestamp_ns` is its time.
     Guidance guide(const svbrdf_image& image, const svbrdf_photo_info& info) {
         svbrdf_guidance report = make(svbrdf_guidance_init);
         Probe probe = probed([&](svbrdf_probe* found) {
@@ -142,7 +142,7 @@ public:
         check(svbrdf_session_photo_fit(get(), index, &fit));
         return fit;
     }
-    /// What there is to tell about each accepted photo with all that is known now; meaningful once the fit has settled.
+    /// Hints about each accepted photo from all present knowledge; meaningful once the fit has settled.
     std::vector<PhotoHint> hints() const {
         std::vector<PhotoHint> all;
         check(svbrdf_session_hints(
@@ -313,7 +313,7 @@ public:
     /// With scene, sample, board, camera, flash and falloff of a capture.
     Session(const Capture& capture, svbrdf_session_options options, Callbacks callbacks = {})
         : Session((options.capture = capture.get(), options), std::move(callbacks)) {}
-    /// Goes on with a saved session; see svbrdf_session_load_state() for what counts of `options`.
+    /// Continues a saved session; see svbrdf_session_load_state() for the fields of `options` that apply.
     static Session load(Span<const std::uint8_t> state,
                         svbrdf_session_options options = make(svbrdf_session_options_init),
                         Callbacks callbacks = {}) {

@@ -16,7 +16,7 @@ use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::photo::{Encoding, Photo, Rotation};
 use crate::rectification::elevation;
-use crate::session::{RectifiedFalloff, Scene};
+use crate::scene::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
 use document::{Node, parse_json, read_json};
 pub use lengths::LEAST_SQUARE_MM;

@@ -260,7 +260,8 @@ impl Estimation {
         self.begun_with = (self.photographs.correction().clone(), maps.clone());
         let map_state = maps.map(|maps| MapState::new(maps, &self.options));
         let coarse = self.photographs.stride_log2() > 0;
-        let schedule = Schedule::new(self.task, self.photographs.len(), coarse);
+        let without = &self.options.schedule.without;
+        let schedule = Schedule::new(self.task, self.photographs.len(), coarse, without);
         self.stage = Stage::Running(Box::new(Run { schedule, map_state }));
     }
 

@@ -41,7 +41,7 @@ pub const LOBE_FILES: [&str; 4] =
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
 
-/// What the files of maps state beside the maps.
+/// Statements in the files of maps beside the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MapsOptions<'a> {
     /// Width and height of the sample, mm: in every file (PNG: `pHYs`, OpenEXR: the attributes

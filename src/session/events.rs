@@ -28,7 +28,7 @@ pub(super) fn removed(index: usize) {
     info!(target: "svbrdf::photo", index, "photo removed");
 }
 
-/// What the photographs of a board tell of camera and light.
+/// Camera and light were estimated from the photographs of a board.
 pub(super) fn calibrated(board: &Board) {
     let (camera, light) = (board.camera(), board.photometry.as_ref());
     debug!(

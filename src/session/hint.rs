@@ -5,8 +5,7 @@ use std::fmt;
 use crate::BoardDifference;
 use crate::estimate::Part;
 
-/// A hint about an accepted photograph. Each names what was seen, with its figure, and the
-/// remedy.
+/// A hint about an accepted photograph. Each names an observation with its figure, and a remedy.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Hint {
@@ -16,18 +15,18 @@ pub enum Hint {
         /// Its number among the accepted ones, from 0.
         index: usize,
     },
-    /// The board's grays do not come out as linear values of a print do.
+    /// The board's grays do not have the ratios of linear values of a print.
     #[error("the pixel values are not linear ({what} is {ratio:.3} of white): {}", remedy(*undone))]
     NotLinear {
         /// The squares or patch concerned: `black` or `gray`.
         what: &'static str,
-        /// Its value, as the file has it, over that of white.
+        /// Its value in the file, relative to white.
         ratio: f32,
-        /// Whether a tone curve that explains it was found and undone; the photograph is then as good
-        /// as a linear one, or nearly so.
+        /// Whether a tone curve that explains it was estimated and inverted. The photograph is then nearly as good as a
+        /// linear one.
         undone: bool,
     },
-    /// The board is not as bright as the stated exposure has it.
+    /// The board's brightness does not match the stated exposure.
     #[error(
         "its board is {ratio:.2} times as bright as its exposure states, beside most of the other photos: the \
          brightness was taken from the board; keep exposure and flash the same, or state the exposure"
@@ -42,7 +41,7 @@ pub enum Hint {
          undone, but use the photo as the camera wrote it"
     )]
     Turned,
-    /// The picture was cut out of a larger one, not in its middle.
+    /// The photograph was cropped off centre.
     #[error(
         "it was cropped: its optical axis lies {px:.0} px from that of the other photos; use the original"
     )]
@@ -66,18 +65,18 @@ pub enum Hint {
         /// Relative amplitude of the stripes.
         amplitude: f32,
     },
-    /// Black is not what the print has: the contrast was changed.
+    /// Black differs from the print: the contrast was changed.
     #[error(
         "the black squares are {black:.3} of white, not {usual:.3} as printed: the contrast was changed; use the photo \
          as the camera wrote it, not an edited one"
     )]
     Edited {
-        /// Black over white as the file has them.
+        /// Black over white in the file.
         black: f32,
-        /// The same of most photographs, or of the board described.
+        /// The usual ratio: that of most photographs, or of the described board.
         usual: f32,
     },
-    /// The camera has mapped tones of each place by its surroundings.
+    /// The camera has applied local tone mapping.
     #[error(
         "places with bright surroundings are darkened (exponent {exponent:.2}): the camera has tone-mapped the photo \
          place by place; turn HDR and night modes off"
@@ -92,7 +91,7 @@ pub enum Hint {
          well as a flash): is the flash on?"
     )]
     LightStays {
-        /// How many times as well, by the deviations left.
+        /// Ratio of the remaining deviations: with a flash over with a fixed light.
         times: f32,
     },
     /// A part of the board is brighter than the flash explains in every photograph.
@@ -110,7 +109,7 @@ pub enum Hint {
         /// Their middle: part of the board's width from the left, and of its height from the top.
         centre: [f32; 2],
     },
-    /// The flash is mirrored on the print.
+    /// The print reflects the flash.
     #[error(
         "glare on the board: {:.0} % of its squares near the mirrored flash glare; print the board on matt paper",
         share * 100.0
@@ -119,14 +118,14 @@ pub enum Hint {
         /// Share of the squares there.
         share: f32,
     },
-    /// The corners lie elsewhere on the board than described, in all photographs alike.
+    /// Corners are displaced on the board, by the same amount in all photographs.
     #[error(
         "the corners do not fit a flat board of the layout described: {:.0} % of them lie {mm:.1} mm off in every \
          photo; is the board cut, taped or creased? Print a new one, and lay it flat",
         share * 100.0
     )]
     BoardBent {
-        /// How far off these corners are, mm.
+        /// Displacement of these corners, mm.
         mm: f32,
         /// Share of the corners.
         share: f32,
@@ -146,12 +145,12 @@ pub enum Hint {
          sample, with a hand, a shadow or other light in it, or tone-mapped? Fit again without it"
     )]
     Contradicts {
-        /// What the maps leave of it, and usually of a photograph: relative errors.
+        /// Its relative residual, and the usual one of a photograph.
         residual: f32,
         /// See `residual`.
         usual: f32,
     },
-    /// A part of the photograph contradicts the others, and is left out.
+    /// A region of the photograph contradicts the others and is masked.
     #[error(
         "a part of it ({:.0} % of the sample, {}) is {:.2} times as bright as the other photos explain: {} That \
          part is left out",
@@ -161,9 +160,9 @@ pub enum Hint {
         cause(*height_unknown)
     )]
     PartContradicts {
-        /// Which part.
+        /// The region.
         part: Part,
-        /// Whether it may be a matter of the sample's height, which nothing tells.
+        /// Whether the unknown height of the sample may be the cause.
         height_unknown: bool,
     },
     /// The material is not of the kind that the maps can describe.
@@ -192,7 +191,7 @@ pub enum Hint {
         /// Share of the sample.
         share: f32,
     },
-    /// What is printed is not quite the board described, and was used as it is.
+    /// The print differs from the described board and was used as it is.
     #[error("this is not the board described: {0}")]
     BoardDiffers(BoardDifference),
 }
@@ -202,7 +201,7 @@ pub enum Hint {
 pub struct Group(u64);
 
 impl Group {
-    /// Of those numbers, from 0.
+    /// The photographs of these numbers, from 0.
     pub fn of(members: impl IntoIterator<Item = usize>) -> Self {
         Self(members.into_iter().filter(|i| *i < 64).fold(0, |bits, i| bits | 1 << i))
     }

@@ -9,35 +9,38 @@ use crate::{Error, Result, estimate};
 
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 pub(super) const DETECTION: u64 = 16;
-/// Most pixels of a reduced photograph.
+/// Largest number of pixels of a reduced photograph.
 const REDUCED: u64 = 2560 * 2560;
-/// Threads, tables, and what the first networks need for a moment.
+/// Threads, tables, and the photo network's temporary buffers.
 const BASE: u64 = 24 << 20;
 
-/// Estimate for so many photographs; `kept` bytes of photographs as they were taken lie beside.
+/// Estimate for a number of photographs. `kept` are bytes of unrectified photographs.
 pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 {
     (BASE + estimate::bytes_needed(settings.resolution, photographs)).saturating_add(kept)
 }
 
-/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.
+/// Bytes while a photograph is added, with the `kept` bytes of the earlier ones.
 pub(super) fn while_pushed(photo: &Photo, kept: u64) -> u64 {
     let pixels = u64::from(photo.width()) * u64::from(photo.height());
     kept + photo.stored_bytes() as u64 + DETECTION * pixels
 }
 
-/// What a photograph needs while it is looked at: itself, and a reduced version without its colours.
+/// Bytes while a photograph is probed: its own, and those of detection on a reduced version.
 pub(super) fn while_probed(photo: &Photo) -> u64 {
     photo.stored_bytes() as u64 + DETECTION * REDUCED
 }
 
-/// Refuses what would need more than is allowed.
+/// Checks the estimate against the limit.
+///
+/// # Errors
+/// [`Error::MemoryLimit`].
 pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Result<()> {
     let Some(limit) = settings.memory_limit_bytes else { return Ok(()) };
     let needed = needed(settings, photographs, kept);
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// Photographs that callers hold until these are added, and their bytes.
+/// Number and bytes of the photographs that callers hold until they are added.
 #[derive(Default)]
 pub(super) struct Waiting(Arc<Mutex<(usize, u64)>>);
 
@@ -48,7 +51,10 @@ pub struct Held {
 }
 
 impl Waiting {
-    /// Counts another one, if the session may need that much beside what it keeps.
+    /// Counts another photograph.
+    ///
+    /// # Errors
+    /// [`Error::MemoryLimit`] if the session could not add it.
     pub(super) fn hold(
         &self,
         settings: &Settings,
@@ -87,7 +93,7 @@ mod tests {
     const SIDE: u32 = 256;
     const PHOTO: u64 = 3 * (SIDE as u64).pow(2);
 
-    /// A session that may need so many bytes more than for one photograph.
+    /// A session whose limit exceeds the need of one photograph by this many bytes.
     fn session(more: u64) -> Session {
         let scene = Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto };
         let limit = needed(&Settings::default(), 1, 0) + more;
@@ -97,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_is_counted_until_it_is_dropped() {
+    fn held_photographs_are_counted_until_they_are_dropped() {
         let pixels = u64::from(SIDE).pow(2);
         let taken_in = PHOTO + DETECTION * pixels;
         let more = needed(&Settings::default(), 2, 0) - needed(&Settings::default(), 1, 0);

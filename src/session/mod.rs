@@ -1,8 +1,8 @@
 //! A session: add photographs, take maps at any time.
 //!
-//! A photograph goes one way. `capture` records its measurements and their effect on earlier photographs; `fit`
-//! receives it rectified, rectifies the earlier ones as the record wants them, and publishes maps, which callers may
-//! take at any time.
+//! A photograph goes one way. `capture` records its measurements and updates the estimates of earlier photographs.
+//! `fit` receives it rectified, rectifies the earlier ones again with the new estimates, and publishes maps, which
+//! callers may take at any time.
 
 mod advice;
 mod capture;
@@ -35,15 +35,14 @@ pub use self::reports::{
     AcceptedPhoto, BoardPose, MapsWithUncertainty, Observed, Outcome, Probe, ProbedLight,
     ProbedView, Progress, Revision,
 };
-pub use self::settings::{
-    BoardScene, Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings,
-};
+pub use self::settings::{Driver, RESOLUTIONS, RestoreOptions, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
 pub use crate::assessment::PhotoFit;
 pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 pub use crate::networks::Networks;
 use crate::photo::Photo;
+pub use crate::scene::{BoardScene, RectifiedFalloff, Scene};
 use crate::threads::{Pool, lock};
 use crate::{Error, Rejection, Result};
 
@@ -54,9 +53,9 @@ pub struct Session {
     settings: Settings,
     pool: Arc<Pool>,
     networks: Arc<Networks>,
-    /// Held while a photograph is taken in or back. Locked before `capture`.
+    /// Held while a photograph is added or removed. Locked before `capture`.
     intake: Mutex<()>,
-    /// Knowledge from the photographs so far: replaced with every photograph, never waited for.
+    /// The record. Replaced with every photograph, so that its readers never wait.
     capture: Mutex<Arc<Capture>>,
     waiting: Waiting,
     fit: FitHandle,
@@ -123,7 +122,7 @@ impl Session {
         Ok(Self { scene, settings, pool, networks, intake, capture, waiting, fit })
     }
 
-    /// Knowledge from the photographs so far.
+    /// The record at this moment.
     fn capture(&self) -> Arc<Capture> {
         lock(&self.capture).clone()
     }
@@ -152,7 +151,7 @@ impl Session {
         budget.check()?;
         let mut shared = self.fit.shared.lock();
         let changed = std::mem::replace(&mut shared.budget, budget) != budget;
-        // The fit decides whether there is work to do; waiting callers wait for its decision.
+        // The fit decides whether work remains; waiting callers wait for its decision.
         shared.progress.settled &= !(changed && shared.cut);
         drop(shared);
         self.fit.wake();
@@ -223,7 +222,7 @@ impl Session {
         }
     }
 
-    /// The capture with a photograph, if there is memory for it.
+    /// Calibrates and rectifies a photograph, if there is memory for it: the record with it, and the result.
     fn take(
         &self,
         photo: &Photo,
@@ -265,7 +264,7 @@ impl Session {
             shared.progress.photos - 1
         };
         self.fit.shared.notify();
-        // A caller that saw the maps may already have cancelled: the photograph counts all the same.
+        // A caller that saw the maps may have cancelled meanwhile. The photograph counts in any case.
         let add = move |fit: &mut Fit| fit.add(rectified, earlier, restart, start.as_deref());
         if !self.fit.send(add)
             && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
@@ -313,9 +312,9 @@ impl Session {
     /// the remaining photographs; when this returns, the maps are those from the first of them. Without any
     /// photograph left there are no maps.
     ///
-    /// The others are taken in again from what is kept of them: maps are those of a session without the
-    /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
-    /// with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
+    /// The others are calibrated again from their stored measurements and pixels. The maps are those of a session
+    /// without the photograph, up to rounding errors; those of rectified photographs are the same to the bit. Once a
+    /// session with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
     ///
     /// Waits for a photograph that is being added, and for a step of the fit.
     ///
@@ -344,10 +343,9 @@ impl Session {
         Ok(())
     }
 
-    /// Counts `bytes` that a caller holds of a photograph until it is added as memory of this session,
-    /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
-    /// made of them, `pixels` its pixels. What may be held may be added, one after the other, but for
-    /// what a session keeps of photographs. Waits for nothing.
+    /// Counts `bytes` of a photograph that a caller holds until it adds it as memory of this session. `photo_bytes` and
+    /// `pixels` are those of the decoded photograph. The memory limit then also allows for adding the held photographs
+    /// one by one, except for pixels that the session keeps of them. Does not wait.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
@@ -358,7 +356,7 @@ impl Session {
         self.waiting.hold(&self.settings, photos, kept, [bytes, photo_bytes, pixels])
     }
 
-    /// Refuses what would need more than is allowed, with what callers hold.
+    /// Checks the memory limit, counting the photographs that callers hold.
     fn check_memory(&self, photographs: usize, beside: u64) -> Result<()> {
         memory::check(&self.settings, photographs, beside.saturating_add(self.waiting.bytes()))
     }
@@ -428,7 +426,7 @@ mod tests {
     use super::*;
     use crate::observation::Falloff;
 
-    /// Who waits for maps may cancel as soon as they are there, before `add_photo` has returned.
+    /// Another thread may cancel as soon as maps appear, before `add_photo` has returned.
     #[test]
     fn a_photograph_counts_that_was_being_taken_in_when_its_session_was_cancelled() {
         let falloff = RectifiedFalloff::Given(Falloff::None { power: [1.0; 3] });

@@ -1,4 +1,4 @@
-//! What a photograph of a board would be good for: a preview of it, judged on a reduced version.
+//! Judges a photograph of a board, or an image of a camera's preview, on a reduced version.
 
 use glam::{DVec2, DVec3};
 
@@ -13,15 +13,15 @@ use crate::photo::Photo;
 use crate::statistics::median;
 use crate::{Rejection, rectification};
 
-/// Pictures are reduced as long as their long side keeps this, px; where too little of the board is
-/// found, to the second.
+/// Least long side of a reduced image, px: at the first attempt, and at the second if too little of the board was
+/// found.
 const LONG_SIDES_PX: [u32; 2] = [640, 1280];
-/// A given camera scaled to a preview is right to a few per cent: what previews are cut to differs.
+/// Relative uncertainty of the focal length scaled to a preview, whose crop is unknown.
 const PREVIEW_FOCAL_SIGMA: f64 = 0.1;
 /// Points of the sample along each side.
 const POINTS: u32 = 32;
 
-/// The board's place in a reduced picture.
+/// The board's pose in a reduced image.
 struct Placed {
     camera: Camera,
     pose: Pose,
@@ -30,8 +30,8 @@ struct Placed {
 }
 
 impl Board {
-    /// Judges a photograph. `lit`: by the light it is to be taken with; otherwise its light says
-    /// nothing. `next`: where the next photograph tells most.
+    /// Judges a photograph. `lit` says that it has the light of the flash, which is then judged too. `next` is the
+    /// proposed view.
     pub(super) fn judge(&self, photo: &Photo, lit: bool, next: Option<NextView>) -> Probe {
         let corners_expected = self.target.corners().len();
         let mut probe = Probe { corners_expected, ..Probe::default() };
@@ -74,7 +74,7 @@ impl Board {
         }
         let view = self.view(&small, &camera, &pose, step, next);
         let (seen, clipped) = (view.sample_seen, view.sample_clipped);
-        // what rectification would refuse
+        // The limits of rectification.
         if seen < rectification::MIN_SEEN {
             probe.refuse(Some(Rejection::SampleOutside { share: seen }));
         } else if clipped > rectification::MAX_CLIPPED {
@@ -85,14 +85,14 @@ impl Board {
         probe
     }
 
-    /// Looks for the board in a small version of a picture, then in a larger one.
+    /// Detects the board in a small version of an image, then in a larger one. Returns the reduction and the version.
     fn seek(&self, photo: &Photo) -> (u32, Photo, Result<Sighting, Rejection>) {
         let look = |step: u32| {
             let small = photo.reduced(step);
             let luma = LumaImage::on_this_thread(&small);
             (step, small, calibration::sight(&luma, &self.target))
         };
-        // pixels along each side of a block that becomes one
+        // Side of a block of pixels that becomes one.
         let (w, h) = (photo.width(), photo.height());
         let [coarse, fine] = LONG_SIDES_PX.map(|px| (w.max(h) / px).clamp(1, w.min(h)));
         let found = look(coarse);
@@ -103,8 +103,8 @@ impl Board {
         if enough || fine == coarse { found } else { look(fine) }
     }
 
-    /// Camera and pose: of the session's camera at the picture's size, or where that does not fit, of
-    /// one estimated from this picture.
+    /// Camera and pose, with the session's camera at the image's size or, if that does not fit, one estimated from
+    /// this image.
     fn place(&self, photo: &Photo, small: &Photo, step: u32, seen: &Sighting) -> Option<Placed> {
         let (target, paper, corners) = (&self.target, &self.paper.paper, &seen.corners);
         let (known, size) = (self.camera(), (photo.width(), photo.height()));
@@ -130,7 +130,7 @@ impl Board {
         Some(Placed { camera, pose, rms_px, rejection: found.err() })
     }
 
-    /// What is expected of the camera of a picture that is not the session's.
+    /// The prior of an image's camera that is not the session's.
     fn prior(&self, small: &Photo) -> CameraPrior {
         let prior = CameraPrior::of_photo(small);
         let Some(camera) = self.camera() else { return prior };
@@ -139,7 +139,7 @@ impl Board {
         prior.with_focal(0.5 * scale * (camera.fx + camera.fy), PREVIEW_FOCAL_SIGMA)
     }
 
-    /// How the board is lit, and what speaks against it.
+    /// The light on the board, and the rejection that follows from it.
     fn light(
         &self,
         small: &Photo,
@@ -170,7 +170,7 @@ impl Board {
         (middle.and_then(|middle| light(middle, squares.clipped_share)), rejection)
     }
 
-    /// Where the camera is and how much of the sample it sees.
+    /// Position of the camera, and the share of the sample in view.
     fn view(
         &self,
         small: &Photo,
@@ -229,12 +229,12 @@ impl Board {
     }
 }
 
-/// A position in the picture as it came.
+/// A position of a reduced image in the image as given.
 fn enlarged(px: DVec2, step: u32) -> DVec2 {
     px * f64::from(step) + 0.5 * (f64::from(step) - 1.0)
 }
 
-/// Figures in px of the picture as it came.
+/// A rejection with figures in px of the image as given.
 fn at_full_size(rejection: Rejection, step: u32) -> Rejection {
     let step = step as f32;
     match rejection {

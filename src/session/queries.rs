@@ -28,8 +28,8 @@ impl Session {
         self.fit.shared.lock().maps.clone().ok_or(Error::NoMaps)
     }
 
-    /// The corrections of light that the current maps go with: gain of each accepted photograph, exposure over
-    /// distance, offset of the flash. None where a board determines them, and while they are unknown.
+    /// The corrections of light that belong to the current maps: gain of each accepted photograph, exposure over
+    /// distance, offset of the flash. There are none if a board determines them, and while they are unknown.
     pub fn light_correction(&self) -> LightCorrection {
         self.fit.shared.lock().light_correction.clone()
     }
@@ -57,7 +57,7 @@ impl Session {
         self.fit.shared.lock().revision
     }
 
-    /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
+    /// The camera in use: given, or estimated from the photographs so far. `None` for rectified
     /// photographs, and while it is unknown.
     pub fn camera(&self) -> Option<Camera> {
         self.board(Board::camera)?
@@ -68,14 +68,14 @@ impl Session {
         self.board(|board| board.estimate.as_ref().map(|e| e.sigma()))?
     }
 
-    /// How the printed board differs from its plan (stretch, bow), as used: as planned unless two
-    /// photographs or more clearly say otherwise. `None` for rectified photographs.
+    /// Stretch and bow of the printed board in use: none unless two photographs or more clearly show some.
+    /// `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
         self.board(|board| board.paper)
     }
 
-    /// Height of the sample's surface above the board, as used: as the scene states it, else 0 unless two
-    /// photographs or more clearly say otherwise. `None` for rectified photographs.
+    /// Height of the sample's surface above the board in use: that of the scene if it states one, otherwise 0 unless
+    /// two photographs or more clearly show another. `None` for rectified photographs.
     pub fn elevation(&self) -> Option<ElevationEstimate> {
         self.board(|board| board.elevation)
     }
@@ -86,7 +86,7 @@ impl Session {
         self.board(|board| board.photographs.iter().map(pose).collect()).unwrap_or_default()
     }
 
-    /// Light position in the camera frame as used, mm.
+    /// Flash position in use, in the camera frame, mm.
     pub fn flash_offset_mm(&self) -> DVec3 {
         self.board(Board::flash_offset_mm).unwrap_or_default()
     }
@@ -98,7 +98,7 @@ impl Session {
         self.board(|board| board.photometry.as_ref().map(mean)).flatten().unwrap_or_default()
     }
 
-    /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
+    /// The inverse of the camera's tone curve. It is the identity for rectified photographs, and as long as
     /// values seem linear.
     pub fn tone_curve(&self) -> ToneCurve {
         let tone = |light: &Photometry| light.tone;
@@ -147,10 +147,10 @@ impl Session {
     /// meaningful once the fit has settled. Waits for a step of the fit.
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
-    /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
-    /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
-    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
-    /// of the albedos cover what it changes.
+    /// three are within them. A material that does not follow the Cook-Torrance model has no true roughness; its
+    /// deviations are those of a material with such residuals. If all highlights of a material are saturated, the
+    /// deviations of specular albedo and roughness cover all values that the tails of the highlights allow. If the
+    /// height of the sample is unknown, those of the albedos cover its effect.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
@@ -163,9 +163,8 @@ impl Session {
         Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
     }
 
-    /// The class of colour of each texel of the maps, rows as in them: classes share their gloss. 0 is the class of
-    /// most texels. Empty where the fit has none: of one photograph, and without refinement. Waits for a step of
-    /// the fit.
+    /// The class of colour of each texel of the maps, row by row. A class shares its gloss; 0 is the class of most
+    /// texels. Empty with one photograph and without refinement. Waits for a step of the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
@@ -273,7 +272,7 @@ mod tests {
         (Session::new(capture.scene.clone(), settings).unwrap(), capture)
     }
 
-    /// As many photographs as before need not be the same ones.
+    /// The same number of photographs need not mean the same photographs.
     #[test]
     fn a_survey_tells_of_the_photographs_there_are() {
         let (session, capture) = session();
@@ -282,7 +281,7 @@ mod tests {
             let outcome = session.add_photo(&capture.photos[i].read().unwrap());
             assert!(matches!(outcome, Ok(Outcome::Accepted(_))), "{outcome:?}");
         };
-        // The fit answers what it is asked in turn.
+        // The fit answers questions in order.
         let surveyed = || {
             session.survey();
             session.photo_fits().unwrap();

@@ -6,12 +6,12 @@ use glam::{DVec2, DVec3};
 use crate::geometry::Pose;
 use crate::statistics::median;
 
-/// Half vectors this far off the vertical are what samples' slopes ask for (tangent of 20 degrees).
+/// Largest slope of samples that highlights should reach (tangent of 20 degrees).
 const SLOPE_MAX: f64 = 0.36;
 /// Points of the sample along each side, and of the disc of slopes along its diameter.
 const POINTS: u32 = 5;
 const SLOPES: i32 = 9;
-/// Views that may be proposed: angles off the vertical, degrees, and sides of each.
+/// Proposed views: angles off the vertical in degrees, and number of azimuths at each.
 const TILTS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
 const AZIMUTHS: u32 = 16;
 
@@ -22,7 +22,7 @@ pub struct NextView {
     pub direction: [f32; 3],
     /// Angle off the vertical, degrees.
     pub tilt_deg: f32,
-    /// Side to go to: degrees counter-clockwise from the sample's +X.
+    /// Azimuth: degrees counter-clockwise from the sample's +X.
     pub azimuth_deg: f32,
 }
 
@@ -44,16 +44,15 @@ pub struct Survey {
 pub struct SurveyedView {
     /// The view from there.
     pub view: NextView,
-    /// Share of the expected squared error of renderings that it would take away, 0 to 1.
+    /// Share of the expected squared error of renderings that it would remove, 0 to 1.
     pub gain: f32,
 }
 
-/// The direction from which highlights reach most of the slopes that they have not swept yet.
+/// The view whose highlights reach most of the slopes that no photograph has covered.
 ///
-/// A texel is bright where its normal is near the half vector between light and camera. For points
-/// over the sample the slopes of the half vectors so far are known; slopes far from all of them
-/// are dark in every photograph and tell nothing about gloss. The view is proposed whose half
-/// vectors, with the flash at its place beside the lens, come nearest to most of them.
+/// A texel is bright if its normal is near the half vector between light and camera. Slopes far from the half
+/// vectors of all photographs are dark in each of them, so their gloss is unknown. The proposed view, with the
+/// flash beside the lens, has the half vectors that come nearest to most of these slopes.
 pub(super) fn next_view(
     views: &[Pose],
     flash_offset_mm: DVec3,
@@ -99,7 +98,7 @@ pub(super) fn next_view(
     best.map(|b| b.1)
 }
 
-/// A view that may be proposed.
+/// A view that can be proposed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     view: NextView,
@@ -115,7 +114,7 @@ pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<C
         let (sa, ca) = azimuth.to_radians().sin_cos();
         let direction = DVec3::new(s * ca, s * sa, c);
         let camera_mm = distance * direction;
-        // Held upright as seen from that side; the flash is beside the lens.
+        // The camera is held upright as seen from its side, with the flash beside the lens.
         let right = DVec3::Z.cross(direction).try_normalize().unwrap_or(DVec3::X);
         let down = -direction.cross(right);
         let light_mm = camera_mm + flash_offset_mm.x * right + flash_offset_mm.y * down;
@@ -129,7 +128,7 @@ pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<C
 }
 
 impl Survey {
-    /// By what a photograph from each candidate, of which there is one at least, would take away.
+    /// A survey of candidates, at least one, with the gain of each.
     pub(super) fn new(
         photos: usize,
         settled: bool,
@@ -147,8 +146,8 @@ impl Survey {
         self.views.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
     }
 
-    /// What a photograph from a direction would tell: between the views of the rings on both sides of
-    /// it; above the first ring towards its mean, outside of the last one as on it.
+    /// Gain of a photograph from a direction: interpolated between the views around it, above the first ring
+    /// towards that ring's mean; outside of the last ring as on it.
     pub fn gain(&self, direction: [f32; 3]) -> f32 {
         let d = DVec3::from_array(direction.map(f64::from)).normalize_or(DVec3::Z);
         let tilt = d.z.clamp(-1.0, 1.0).acos().to_degrees() as f32;
@@ -169,7 +168,7 @@ impl Survey {
     }
 }
 
-/// Gain on a ring of views whose sides are evenly spaced from 0 on.
+/// Gain on a ring of views whose azimuths are evenly spaced from 0 on.
 fn on_ring(ring: &[SurveyedView], azimuth_deg: f32) -> f32 {
     let n = ring.len();
     let at = azimuth_deg / 360.0 * n as f32;

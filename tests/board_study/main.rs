@@ -121,7 +121,7 @@ fn scene_under(target: &Target, tilt: f64, condition: &str, seed: u64) -> Scene 
     scene
 }
 
-/// What became of a picture.
+/// Results of the pictures.
 #[derive(Default, Clone, Copy)]
 struct Tally {
     pictures: usize,

@@ -1,5 +1,4 @@
-//! Pictures of what is not the board: other boards, checked fabrics, tiled floors, chessboards,
-//! text, codes, noise.
+//! Pictures without the board: other boards, checked fabrics, tiled floors, chessboards, text, codes, noise.
 
 use super::common::{Random, Sample};
 use super::test_data::test_data;

@@ -161,7 +161,7 @@ void test_board(const char *folder)
     OK(svbrdf_photo_info_init(&info, sizeof info));
     OK(svbrdf_photo_report_init(&report, sizeof report));
 
-    /* What a rejection looks like: a black photo, then one without flash. */
+    /* Rejections: a black photo, then one without flash. */
     rgb8(&image, &photo);
     black = calloc(image.planes[0].bytes, 1);
     image.planes[0].data = black;

@@ -1,4 +1,4 @@
-/* What the parts of the C client share. */
+/* Helpers of the C client. */
 #ifndef SVBRDF_TEST_CHECK_H
 #define SVBRDF_TEST_CHECK_H
 
@@ -28,7 +28,7 @@
         CHECK((status_ == SVBRDF_OK) == (svbrdf_last_error_message()[0] == '\0'));               \
     } while (0)
 
-/* Waits for what another thread does in its own time: for minutes, then that is a fault. */
+/* Waits for another thread, at most ten minutes. */
 #define EVENTUALLY(condition)                                                                    \
     do {                                                                                         \
         int left_ = 600000;                                                                      \
@@ -42,7 +42,7 @@
 
 enum { SIDE = 256 };
 
-/* Whether to leave out what runs the networks: under valgrind that takes minutes. */
+/* Whether to skip work with the networks, which takes minutes under valgrind. */
 int quick(void);
 /* A plain picture, SIDE x SIDE, 8 bits. */
 void gray_image(svbrdf_image *image, unsigned char *rgb, int level);
@@ -50,7 +50,7 @@ void gray_image(svbrdf_image *image, unsigned char *rgb, int level);
 void rectified_options(svbrdf_session_options *options);
 /* Pushes a gray rectified photo. */
 svbrdf_status push_gray(svbrdf_session *session, int level);
-/* Writes the maps of the moment into a folder; what the library is to answer. */
+/* Writes the current maps into a folder, with the expected status. */
 void export_maps(const svbrdf_session *session, const char *path, svbrdf_status expected);
 
 typedef struct {

@@ -1,4 +1,4 @@
-/* What goes wrong round the library: full disks, damaged models, sessions ended in mid-fit. */
+/* Faults outside of the library: full disks, damaged models, sessions ended in mid-fit. */
 #include "check.h"
 
 #include <dirent.h>
@@ -73,7 +73,7 @@ static void full_disk(const char *folder)
     EXPECT(svbrdf_session_save_state_to(session, state), SVBRDF_IO);
     limit_files(usual.rlim_cur);
 
-    /* What stood there still does, and nothing was left beside it. */
+    /* The earlier files are still there, and no others. */
     CHECK(files_in(maps) == files);
     after = read_all(state, &again);
     CHECK(again == bytes && memcmp(before, after, bytes) == 0);

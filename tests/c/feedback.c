@@ -1,4 +1,4 @@
-/* What the library tells about photos, what may be said about them, and callers of older headers. */
+/* Reports about photos, their statements by callers, and callers of older headers. */
 #include "check.h"
 
 #include <math.h>
@@ -190,7 +190,7 @@ static void ambient_light(const picture *first)
     CHECK(info.ambient == NULL && info.ambient_exposure == 0.0f);
     info.ambient = &ambient;
 
-    /* Nothing but ambient light: what is left is black, but for a highlight that is clipped. */
+    /* Only ambient light: the difference is black except for a clipped highlight. */
     report = push(session, &image, &info, SVBRDF_REJECTED);
     CHECK(report.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     /* No ambient light: nothing changes. */

@@ -8,7 +8,7 @@ enum { MOST = 64 };
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
-/* What has come back, in the order in which it came. */
+/* Answers, in their order. */
 static struct {
     svbrdf_status status;
     svbrdf_photo_report report;
@@ -174,7 +174,7 @@ static void answers(const picture *photo, const picture *black)
     OK(svbrdf_session_wait(other, -1));
     OK(svbrdf_session_destroy(other));
 
-    /* What is wrong with the planes is said later, of the rest at once, and nothing comes. */
+    /* Faults of the planes are answered later; other faults are returned at once, without an answer. */
     rgb8(&image, photo);
     image.planes[0].bytes -= 1;
     OK(svbrdf_session_add_photo_async(session, &image, NULL, on_pushed, &arrived));

@@ -17,7 +17,7 @@ static void on_maps_count(void *user, svbrdf_session *session)
     ++*(volatile int *)user;
 }
 
-/* What a log callback shares with the thread that ends its session. */
+/* State shared by a log callback and the thread that ends its session. */
 typedef struct {
     pthread_mutex_t lock;
     svbrdf_session *session;

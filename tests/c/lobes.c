@@ -283,7 +283,7 @@ static void check_faults(const char *folder)
     OK(svbrdf_maps_export(maps, NULL, path));
     OK(svbrdf_export_options_init(&options, sizeof options));
     OK(svbrdf_maps_export(maps, &options, path));
-    /* What a format does not have is told. */
+    /* Lobes that a format does not have are reported. */
     options.formats = "usdz,unity-hdrp,unity-urp";
     OK(svbrdf_set_log_callback(on_remark, &remarks));
     OK(svbrdf_maps_export(maps, &options, path));

@@ -138,7 +138,7 @@ void test_maps(const char *folder)
     options.models = models;
     options.sample_mm[0] = 50.0f;
     OK(svbrdf_session_create(&options, &session));
-    OK(svbrdf_models_destroy(models)); /* The session keeps what it needs. */
+    OK(svbrdf_models_destroy(models)); /* The session keeps its share. */
     OK(svbrdf_session_pause(session));
     OK(push_gray(session, 120));
     OK(svbrdf_session_snapshot_maps(session, &maps));

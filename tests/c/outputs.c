@@ -1,4 +1,4 @@
-/* What is shown and printed: maps in every format against closed forms, reduced, rendered; boards. */
+/* Outputs: maps in every format against closed forms, reduced, rendered; printed boards. */
 #include "check.h"
 
 #include <math.h>

@@ -10,7 +10,7 @@ static svbrdf_session *begun(void)
     return session;
 }
 
-/* What needs no networks: also under valgrind. */
+/* Needs no networks, and so runs under valgrind too. */
 static void empty_sessions(const char *folder)
 {
     svbrdf_session_options options;

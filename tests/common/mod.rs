@@ -7,7 +7,7 @@ use svbrdf::calibration::{Hole, LumaImage, Paper, Target, TargetKind};
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::photo::Photo;
 
-/// What lies in the hole.
+/// The sample in the hole.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Sample {
     /// Dark, with spots and lines.
@@ -34,7 +34,7 @@ pub struct Scene {
     pub glare: Vec<(DVec2, f64)>,
     /// Centre and half axes (px) of dark round things in front of the board.
     pub occluders: Vec<(DVec2, DVec2)>,
-    /// A point on a shadow's edge (px), the direction into it, and what light it leaves.
+    /// A point on a shadow's edge (px), the direction into it, and the share of light that it leaves.
     pub shadow: Option<(DVec2, DVec2, f64)>,
     /// Level of white.
     pub exposure: f64,
@@ -267,7 +267,7 @@ impl Scene {
         data
     }
 
-    /// Shadow and what stands in front.
+    /// Applies the shadow and the occluders.
     fn hidden(&self, data: &mut [f32], w: usize) {
         if self.occluders.is_empty() && self.shadow.is_none() {
             return;

@@ -180,7 +180,7 @@ impl Negative {
             for x0 in (0..width).step_by(w as usize) {
                 let strip = matches!(self.storage, Storage::Strips(_));
                 let y1 = if strip { height.min(y0 + h) } else { y0 + h };
-                // What sticks out repeats the last value.
+                // Pixels outside repeat the last value.
                 let n = self.channels as usize;
                 let at = |x: u32, y: u32| {
                     let pixel = (y.min(height - 1) * width + x.min(width - 1)) as usize;

@@ -1,4 +1,4 @@
-// What the parts of the C++ client share.
+// Helpers of the C++ client.
 #ifndef SVBRDF_TEST_CHECK_HPP
 #define SVBRDF_TEST_CHECK_HPP
 

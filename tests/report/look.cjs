@@ -19,7 +19,7 @@ const INTERPOLATED = 6;
 
 const srgb = (v) => 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 
-/** What the library renders, sRGB at an exposure: rows of [r, g, b]. */
+/** The library's rendering, sRGB at an exposure: rows of [r, g, b]. */
 function rendered(camera, light, sampleMm, exposure, folder = maps) {
   const out = path.join(maps, 'rendered.png');
   const list = (v) => v.map((x) => x.toFixed(6)).join(',');
@@ -54,7 +54,7 @@ const state = (page) => page.evaluate(() => {
 });
 const settle = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 
-/** The viewer, one texel a pixel, against the library: a screenshot of what is on the screen. */
+/** The viewer, one texel a pixel, against the library: by a screenshot. */
 async function sameAsLibrary(page, data, folder = maps) {
   const { width, height } = data.maps;
   await page.addStyleTag({ content: `#quad { position: fixed !important; inset: 0 auto auto 0 !important; z-index: 99; border-radius: 0 !important;

@@ -1,5 +1,5 @@
-//! The files of a crate as the compiler sees them: modules, what they define, what they name, and
-//! how long their functions are. Code under `#[cfg(test)]` is left out.
+//! The files of a crate as the compiler sees them: modules, their definitions, the names that they use, and the
+//! lengths of their functions. Code under `#[cfg(test)]` is left out.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -91,7 +91,7 @@ impl Crate {
     ) {
         let mut module = Module { file, ..Module::default() };
         for item in items {
-            // What lies elsewhere is looked at with the crate that it belongs to.
+            // Items of other crates are checked with those.
             if is_test(attributes(&item)) || is_elsewhere(&item) {
                 continue;
             }
@@ -124,8 +124,8 @@ impl Crate {
         self.file(base, &file, path, inner);
     }
 
-    /// The file that defines what `path` names in a module, re-exports followed; `None` for other
-    /// crates and for what is not found.
+    /// The file that defines the item that `path` names in a module, through re-exports; `None` for other crates and
+    /// unknown items.
     pub fn resolve(&self, module: &ModulePath, path: &[String]) -> Option<usize> {
         self.find(module, path, 0)
     }

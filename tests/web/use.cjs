@@ -195,6 +195,8 @@ async function lostWorker(page) {
 /** Once loaded the page needs no network, and has the photographs that were in the scan. */
 async function reloadedOffline({ page, context }) {
   await page.evaluate(() => navigator.serviceWorker.ready);
+  // The browser drops rejected photographs in its own time.
+  await page.waitForFunction(async () => (await (await import('./kept.js')).kept()).length === 1);
   await context.setOffline(true);
   await page.reload();
   await page.waitForFunction(() => window.svbrdfPage);

@@ -1,6 +1,7 @@
 //! Evaluation: prediction of held-out photographs, known materials (the tables and figures of Gao
 //! et al. 2019), and a gate against losses of accuracy and speed.
 
+mod ablations;
 mod artifacts;
 mod captures;
 mod clock;
@@ -57,6 +58,8 @@ enum Command {
     Artifacts(artifacts::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
+    /// Errors of photographs that were not fitted, without one part of the estimator after the other
+    Ablations(ablations::Arguments),
     /// Whether the stated deviations of the maps match their errors
     Uncertainty(uncertainty::Arguments),
     /// Errors with photographs from suggested views, from a circle, and from random positions
@@ -145,6 +148,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Artifacts(of) => artifacts::run(of)?,
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
+        Command::Ablations(of) => ablations::run(of, &setup)?,
         Command::Uncertainty(of) => uncertainty::run(of, &setup)?,
         Command::NextView(of) => next_view::run(of, &setup)?,
         Command::Fits(of) => fits::run(of, &setup)?,
@@ -176,6 +180,7 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Artifacts(_)
         | Command::Captures(_)
         | Command::Heldout(_)
+        | Command::Ablations(_)
         | Command::Uncertainty(_)
         | Command::NextView(_)
         | Command::Fits(_)

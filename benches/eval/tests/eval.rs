@@ -158,6 +158,32 @@ fn photographs_of_a_board_predict_its_last_two() {
     }
 }
 
+/// One photograph takes the phases `latent` and `relief`: without another one nothing changes.
+#[test]
+fn ablations_print_a_row_for_each_part() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = matt(dir.path(), 1.0);
+    let table = succeed(&["ablations", text(&capture), "--fit", "1"]);
+    let rows: Vec<(&str, f64)> = table
+        .lines()
+        .skip(2)
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            (cells[1], cells[2].parse().unwrap())
+        })
+        .collect();
+    let parts =
+        ["latent", "relief", "choice", "lobes", "choice and joint", "texels", "all but latent"];
+    assert_eq!(rows.iter().skip(1).map(|(name, _)| *name).collect::<Vec<_>>(), parts);
+    let ratio = |name: &str| rows.iter().find(|(part, _)| *part == name).unwrap().1;
+    assert!((0.0..0.1).contains(&rows[0].1), "{table}");
+    assert!(["choice", "lobes", "choice and joint", "texels"].iter().all(|p| ratio(p) == 1.0));
+    assert!(ratio("latent") != 1.0 && ratio("relief") != 1.0, "{table}");
+    assert_eq!(ratio("relief"), ratio("all but latent"), "{table}");
+    let wrong = run(&["heldout", text(&capture), "--set", "schedule.without=[\"typo\"]"]);
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("`relief`, `choice`"));
+}
+
 #[test]
 fn hashes_do_not_depend_on_threads() {
     let dir = tempfile::tempdir().unwrap();

@@ -42,7 +42,7 @@ pub struct Photographs {
 }
 
 impl Input {
-    /// Opens what the command line names.
+    /// Opens the capture or photographs that the command line names.
     pub fn open(
         arguments: &Arguments,
         interrupt: &Interrupt,

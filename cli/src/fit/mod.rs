@@ -103,7 +103,7 @@ fn session(arguments: &Arguments, capture: &Capture) -> Result<Session> {
     Ok(session)
 }
 
-/// Refuses to go on without any photograph in the fit.
+/// Checks that the fit has a photograph.
 fn check_fitted(
     arguments: &Arguments,
     input: &Input,

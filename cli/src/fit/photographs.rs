@@ -22,7 +22,7 @@ const REPLACED: &str = "replaced";
 
 /// Options of the way through the photographs.
 pub struct Options {
-    /// Whether the fit begins when all are taken in.
+    /// Whether the fit begins after all photographs have been added.
     pub at_once: bool,
     /// Number of the last ones that are predicted instead of fitted.
     pub hold_out: usize,
@@ -134,8 +134,8 @@ impl<'a> Fit<'a> {
         self.rows.iter().map(|row| self.line(row)).collect()
     }
 
-    /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
-    /// wrongly in the capture is not.
+    /// Reads a photograph. A damaged file is the inner error, which rejects the photograph; a wrong statement in the
+    /// capture is the outer one, which ends the fit.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
         match self.photos[index].read_with_remarks() {
             Ok((photo, remarks)) => {
@@ -312,8 +312,7 @@ impl<'a> Fit<'a> {
         self.rows.sort_by_key(|row| row["index"].as_u64());
     }
 
-    /// Adds how the maps explain each photograph, and what there is to tell about it in the end: hints of earlier
-    /// states are withdrawn.
+    /// Adds the residual of each photograph, and replaces its earlier hints by the present ones.
     fn add_residuals(&mut self) {
         let fits = self.session.photo_fits().unwrap_or_default();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {

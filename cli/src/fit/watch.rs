@@ -54,7 +54,7 @@ fn leave_out(input: &mut Input, foreign: Vec<LeftOut>) {
     }
 }
 
-/// What cannot be read may still be on its way.
+/// Marks unreadable files to be read again: they may be incomplete.
 fn refuse_unreadable(input: &mut Input, fit: &Fit) {
     let Some(watch) = input.photographs.as_mut().and_then(|p| p.watch.as_mut()) else { return };
     for file in fit.photos.iter().filter(|file| fit.is_unreadable(&file.path)) {

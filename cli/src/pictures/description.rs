@@ -60,7 +60,7 @@ pub fn can_name(file: &Path, dir: &Path) -> bool {
     paths.is_some_and(|(file, dir)| relative(&file, &dir).to_str().is_some())
 }
 
-/// The path from the root on; a file may have been moved away meanwhile.
+/// The absolute path. The file need not exist any more.
 fn absolute(path: &Path) -> Result<PathBuf> {
     let fault = |e| Failure::Input(format!("{}: {e}", path.display()));
     path.canonicalize().or_else(|_| std::path::absolute(path)).map_err(fault)

@@ -21,7 +21,7 @@ const PICTURES: [&str; 33] = [
 const PASSED_OVER: [&str; 8] =
     ["part", "partial", "tmp", "temp", "crdownload", "download", "thm", "bak"];
 
-/// What lies in a folder, by name.
+/// The contents of a folder, by name.
 #[derive(Default)]
 pub struct Folder {
     /// Pictures that can be read, or are called such.
@@ -64,7 +64,7 @@ pub fn look_into(folder: &Path) -> Result<Folder> {
                 let reason = format!("{kind} by its content, but not by its name: rename it");
                 found.foreign.push(LeftOut { path, reason });
             }
-            // What is wrong with it is said when it is read.
+            // Its fault is reported when it is read.
             None if has_ending(&path, &PICTURES) => found.pictures.push(path),
             None => (),
         }
@@ -76,8 +76,8 @@ pub fn look_into(folder: &Path) -> Result<Folder> {
 }
 
 impl Folder {
-    /// Without what cannot be used for a capture that is described in folder `out`: each file and folder
-    /// of that kind is among the foreign ones then, with its reason.
+    /// Moves files and folders that a capture described in folder `out` cannot use to the foreign ones, each with
+    /// its reason.
     pub fn sorted_out(self, out: &Path) -> Self {
         let whole = |path: &Path| path.canonicalize().ok();
         let Self { pictures, mut foreign, folders } = self;
@@ -161,7 +161,7 @@ fn foreign(path: PathBuf, kind: Kind) -> LeftOut {
     LeftOut { path, reason }
 }
 
-/// What a file is by its content.
+/// The format of a file by its content.
 fn kind(path: &Path) -> Option<Kind> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;

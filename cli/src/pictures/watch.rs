@@ -10,7 +10,7 @@ use crate::failure::Result;
 /// Size and time of a file.
 type Stamp = (u64, Option<SystemTime>);
 
-/// What has been seen of a file.
+/// State of a file at the last look.
 #[derive(Clone, Copy, PartialEq)]
 enum State {
     /// Looked like this at the last look.

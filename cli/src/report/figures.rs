@@ -129,7 +129,7 @@ fn anisotropy([x, y]: [&[f32]; 2]) -> String {
     format!("{:.1} : 1, {direction}", size.exp())
 }
 
-/// Its weight in the mean, and its roughness where it is.
+/// Mean weight of a coat, and its mean roughness by weight.
 fn coat([weight, roughness]: [&[f32]; 2]) -> String {
     let sum = weight.iter().sum::<f32>();
     let weighted = weight.iter().zip(roughness).map(|(w, r)| w * r).sum::<f32>();
@@ -139,7 +139,7 @@ fn coat([weight, roughness]: [&[f32]; 2]) -> String {
 /// How far the maps may be off.
 fn uncertainty(subject: &Subject) -> Option<Value> {
     let of = |map: &str| subject.report["confidence"][map].as_f64();
-    // Of two tilts with one deviation, the angle between them has this mean.
+    // Mean angle of two tilts with this deviation.
     let angle = |v: f64| (v * (0.5 * std::f64::consts::PI).sqrt()).atan().to_degrees();
     group(
         "Standard deviations",

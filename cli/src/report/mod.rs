@@ -1,7 +1,7 @@
-//! `report.html`: one page that shows a material, how it came about, and what may be wrong with it.
+//! `report.html`: one page with a material, the course of its fit, and possible faults.
 //!
-//! The page holds everything that it shows and loads nothing. What it says is taken from
-//! `report.json`; pictures come from the [`Recorder`] and the maps.
+//! The page contains everything that it shows and loads nothing. Its texts come from `report.json`, its pictures from
+//! the [`Recorder`] and the maps.
 
 mod figures;
 mod outline;
@@ -21,8 +21,8 @@ use self::pictures::{MapPictures, Snapshot, Thumbnail};
 pub use self::subject::Subject;
 use crate::failure::Result;
 
-/// Texels along each side that the page holds; larger maps are averaged. Maps that compress badly
-/// go on to the next.
+/// Largest numbers of texels along each side in the page; larger maps are averaged. Maps that compress badly use the
+/// next one.
 const TEXELS: [usize; 3] = [512, 384, 256];
 /// Size of a page, bytes; earlier maps are left out where it would be larger.
 const MAX_BYTES: usize = 2_900_000;
@@ -33,7 +33,7 @@ const MAX_PREDICTIONS: usize = 6;
 /// Differences of predictions are shown enlarged.
 const DIFFERENCE_GAIN: f32 = 4.0;
 
-/// Keeps what the page shows of a fit in progress.
+/// Records a fit in progress for the page.
 pub struct Recorder {
     enabled: bool,
     /// Longer side of copies of photographs, px.
@@ -130,7 +130,7 @@ fn presets(subject: &Subject) -> Result<Vec<Value>> {
         .collect()
 }
 
-/// Rows of `report.json` with what the page adds to them.
+/// Rows of `report.json` with the page's additions.
 fn photographs(subject: &Subject, recorder: &Recorder) -> Vec<Value> {
     let rows = subject.report["frames"].as_array().into_iter().flatten();
     rows.map(|row| {

@@ -55,7 +55,7 @@ static SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
 });
 
 fn srgb(linear: f32) -> u8 {
-    // What is not a number becomes 0.
+    // NaN becomes 0.
     SRGB[usize::from((65535.0 * linear).round() as u16)]
 }
 
@@ -177,7 +177,7 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// Size inside of the page, with what is said of it.
+    /// Size in the page, with its text.
     pub fn bytes(&self) -> usize {
         self.picture.len() + 100
     }

@@ -23,7 +23,7 @@ const MAX_BOW_MM: f64 = 0.6;
 const BLUR_PX: [f64; 2] = [0.3, 1.2];
 /// Largest registration error of rectified photographs along each side, texels.
 const MAX_SHIFT_TEXELS: f64 = 0.5;
-/// Of the JPEG files, with chroma at half the resolution (4:2:0).
+/// Quality of the JPEG files, with chroma at half the resolution (4:2:0).
 pub const JPEG_QUALITY: u8 = 80;
 
 /// Faults of a capture, as `truth.json` has them.
@@ -37,7 +37,7 @@ pub struct Faults {
     pub flash_offset_mm: [f64; 3],
     /// The flash goes with the cosine to the camera's axis to this power.
     pub flash_exponent: f64,
-    /// Reflectance beyond what the maps say.
+    /// Reflectance beyond the maps' model.
     pub reflectance: Model,
     /// Height of the sample's middle above its border, mm: `bow (1 - X²) (1 - Y²)`, X and Y from -1
     /// to 1.
@@ -57,7 +57,7 @@ pub struct FrameFaults {
     pub exposure: f64,
     /// Blur along the picture's rows and columns.
     pub blur_sigma_px: [f64; 2],
-    /// Where a rectified photograph was taken for; its texels show what lies so far right and down.
+    /// Offset of a rectified photograph to the right and down.
     pub registration_texels: [f64; 2],
 }
 
@@ -66,8 +66,8 @@ fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl Faults {
-    /// Those of a seed, and what draws those of its photographs; the seed chooses the `lobe` too,
-    /// unless given.
+    /// The faults of a seed, and the generator for those of its photographs. The seed also chooses the `lobe`,
+    /// unless it is given.
     pub fn draw(seed: u64, lobe: Option<Lobe>) -> (Self, Random) {
         let mut random = Random::new(seed ^ STREAM);
         let (sin, cos) = (TAU * random.uniform()).sin_cos();
@@ -85,7 +85,7 @@ impl Faults {
         (faults, random)
     }
 
-    /// Those of a photograph from `distance` times the first one's.
+    /// Faults of a photograph from `distance` times the first one's.
     pub fn photograph(&self, random: &mut Random, distance: f64) -> FrameFaults {
         let gain = (self.gain_sigma * random.bell()).exp();
         let mut shift = || MAX_SHIFT_TEXELS * (2.0 * random.uniform() - 1.0);

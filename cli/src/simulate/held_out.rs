@@ -1,4 +1,4 @@
-//! What a photograph would show without its faults, in NumPy's format.
+//! Photographs without faults, in NumPy's format.
 
 use std::path::Path;
 

@@ -38,7 +38,7 @@ const SAMPLE_MM: f32 = 100.0;
 /// Flash in the camera frame, mm.
 const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 
-/// Folder of what photographs to be predicted show, in the capture.
+/// Folder of the ideal photographs to be predicted, in the capture.
 const HELD_OUT: &str = "truth/heldout";
 
 /// Make a capture of known maps: render photographs of them inside the default board
@@ -82,8 +82,8 @@ pub struct Arguments {
     /// Lobe of the faults, where the maps have none of that kind [default: by the seed; nine in a row have each but sheen once]
     #[arg(long, value_enum, requires = "real")]
     lobe: Option<Lobe>,
-    /// For the last photographs, write what they would show without faults, to be predicted; every
-    /// other one shows the highlight
+    /// Write the last photographs without faults too, to be predicted; every other one shows the
+    /// highlight
     #[arg(long, value_name = "N", default_value_t = 0)]
     held_out: u32,
     /// Take the photographs along the path of a hand [default: at random from all sides]
@@ -170,7 +170,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     write_json(out.join(FILE_NAME), &description(arguments, sample_mm, frames))
 }
 
-/// Writes the pictures; what `capture.json` and `truth.json` say of each.
+/// Writes the photographs. Returns their entries for `capture.json` and `truth.json`.
 fn photographs(
     arguments: &Arguments,
     surface: &Surface,

@@ -52,7 +52,7 @@ pub struct Stop {
     pub pose: Pose,
     /// Time since the beginning, s.
     pub seconds: f64,
-    /// What the guide expected of it, and of the best place.
+    /// Gain that the guide expected of it, and of the best place.
     pub gains: Option<[f32; 2]>,
 }
 
@@ -138,7 +138,7 @@ impl Walk {
                 let options =
                     GuideOptions { enough: 0.0, most: usize::MAX, ..GuideOptions::default() };
                 let session = Session::new(scene, settings)?;
-                // As apps do: what cannot be seen is not waited for.
+                // As apps do, without waiting for invisible changes.
                 session.set_budget(Budget { stop_when_invisible: true, ..Budget::default() })?;
                 Some(Led { session, guide: Guide::new(options) })
             }

@@ -64,7 +64,7 @@ pub fn pose(index: u32, near: bool, random: &mut Random) -> Pose {
     Pose { rotation, translation: -(rotation * centre) }
 }
 
-/// What one photograph shows.
+/// The scene of one photograph.
 pub struct Scene<'a> {
     pub surface: &'a Surface<'a>,
     pub target: Target,
@@ -73,7 +73,7 @@ pub struct Scene<'a> {
     pub elevation_mm: f64,
     /// Board frame.
     pub light: Light,
-    /// Of the sample's texels: three planes.
+    /// Radiance of the sample's texels: three planes.
     pub radiance: Vec<f32>,
 }
 
@@ -113,7 +113,7 @@ impl<'a> Scene<'a> {
         Light { exponent: 0.0, room: 0.0, ..self.above(&self.light) }
     }
 
-    /// What an ideal photograph shows from the top, `side * side` texels, row by row.
+    /// Radiance of an ideal photograph in the top view, `side * side` texels, row by row.
     pub fn ideal(&self, side: usize) -> Vec<[f64; 3]> {
         let radiance = self.surface.radiance(self.eye(), &self.ideal_light());
         let size = DVec2::from(self.surface.sample_mm.map(f64::from));
@@ -122,7 +122,7 @@ impl<'a> Scene<'a> {
         (0..side * side).map(|i| self.seen_at(&radiance, place(i))).collect()
     }
 
-    /// What lies behind a point of the border's plane, relative to that plane.
+    /// Radiance of the surface behind a point of the border's plane.
     fn seen_at(&self, radiance: &[f32], p: DVec2) -> [f64; 3] {
         let eye = self.eye();
         self.surface.sample(radiance, self.surface.hit(eye, p.extend(0.0) - eye, 0.0))
@@ -177,8 +177,7 @@ impl<'a> Scene<'a> {
             && beyond.max_element() > self.target.square_mm + self.elevation_mm.abs()
     }
 
-    /// What a rectified photograph shows at the point of the border's plane that it takes for `p`:
-    /// the surface behind it.
+    /// Radiance of a rectified photograph at the point `p` of the border's plane: that of the surface behind it.
     pub fn rectified(&self, p: DVec2) -> [f64; 3] {
         self.seen_at(&self.radiance, p)
     }

@@ -1,4 +1,4 @@
-//! The sample's surface and what it reflects.
+//! The sample's surface and its reflected radiance.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -156,8 +156,7 @@ impl Surface<'_> {
     }
 }
 
-/// Adds what maps reflect of a room: diffuse its mean, specular and from a coat what lies in the mirrored
-/// direction.
+/// Adds the reflection of a room: diffuse its mean radiance, specular and coat that of the mirrored direction.
 fn add_room(maps: &Svbrdf, view: &View, ambient: f64, radiance: &mut [f32]) {
     let (w, n) = (maps.width(), maps.texels());
     let bright = DVec3::new(ROOM_AZIMUTH.cos(), ROOM_AZIMUTH.sin(), 0.0);

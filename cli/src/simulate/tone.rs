@@ -3,8 +3,8 @@
 use clap::ValueEnum;
 use svbrdf::photo::Encoding;
 
-/// What a camera makes of linear values before it encodes them as sRGB; white paper at the first
-/// distance is a linear 0.8.
+/// A camera's mapping of linear values before sRGB encoding. White paper at the first distance has the linear
+/// value 0.8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Tone {
     /// Highlights roll off over two stops, shadows have a short toe (form of Hable, 2010)

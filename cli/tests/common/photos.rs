@@ -11,7 +11,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use svbrdf::photo::Encoding;
 
-/// What is written into a file beside the pixels.
+/// Metadata of a file.
 #[derive(Default)]
 pub struct Written<'a> {
     pub model: Option<&'a str>,

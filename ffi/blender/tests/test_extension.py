@@ -9,6 +9,7 @@ import os
 import pathlib
 import subprocess
 import sys
+import threading
 import time
 import types
 
@@ -267,9 +268,19 @@ class Manager:
         self.handlers.append(operator)
 
 
-def test_blender_goes_on_while_a_fit_runs_and_is_cancelled(settings, svbrdf):
+def test_blender_goes_on_while_a_fit_runs_and_is_cancelled(settings, svbrdf, monkeypatch):
     """The steps of the modal operator with events as Blender sends them: this bpy has no windows."""
     panel = part("panel")
+    cancelled, tell = threading.Event(), panel.Job._tell
+
+    def held(job, fraction, message):
+        tell(job, fraction, message)
+        if fraction > 0:
+            # A fast fit would be through before.
+            cancelled.wait()
+            tell(job, fraction, message)
+
+    monkeypatch.setattr(panel.Job, "_tell", held)
     settings.photographs = str(CAPTURE)
     settings.resolution = "1024"
     manager = Manager()
@@ -290,6 +301,7 @@ def test_blender_goes_on_while_a_fit_runs_and_is_cancelled(settings, svbrdf):
         assert operator.modal(context, event) == {"PASS_THROUGH"}
         time.sleep(0.02)
     assert bpy.ops.svbrdf.cancel() == {"FINISHED"}
+    cancelled.set()
     while (answer := operator.modal(context, event)) == {"PASS_THROUGH"}:
         time.sleep(0.02)
     assert answer == {"CANCELLED"} and manager.timers == 0

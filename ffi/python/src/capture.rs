@@ -48,12 +48,12 @@ impl PhotoFile {
         self.0.rectified.map(|view| (view.camera_mm.into(), view.light_mm.into()))
     }
 
-    /// Reads the photograph, less what its view without flash shows.
+    /// Reads the photograph, without the light of its view without flash.
     fn read(&self, py: Python<'_>) -> PyResult<Photo> {
         Ok(Photo(Arc::new(detached(py, || self.0.read())?)))
     }
 
-    /// Reads the photograph, and what there is to tell about the file.
+    /// Reads the photograph, and hints about the file.
     fn _read_with_hints(&self, py: Python<'_>) -> PyResult<(Photo, Vec<Hint>)> {
         let (photo, remarks) = detached(py, || self.0.read_with_remarks())?;
         let hints = remarks.iter().map(|remark| Hint::new(remark.code(), remark.to_string()));
@@ -65,7 +65,7 @@ impl PhotoFile {
     }
 }
 
-/// A folder with ``capture.json``: what its photographs show. They are read one at a time.
+/// A folder with ``capture.json``: a description of its photographs, which are read one at a time.
 #[pyclass(frozen, module = "svbrdf")]
 pub struct Capture(pub capture::Capture);
 
@@ -85,7 +85,7 @@ impl Capture {
         self.0.sample_mm.into()
     }
 
-    /// What was ignored of the description, a sentence each.
+    /// Parts of the description that were ignored, a sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.0.warnings.clone()

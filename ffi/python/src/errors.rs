@@ -52,7 +52,7 @@ pub fn choice<T>(
     })
 }
 
-/// Runs work without the interpreter's lock, and raises what went wrong.
+/// Runs work without the interpreter's lock, and raises its error.
 pub fn detached<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> svbrdf::Result<T> + Send,

@@ -1,5 +1,5 @@
-//! The module `svbrdf._native`: what the Python package `svbrdf` is made of. Work happens with the
-//! interpreter's lock released.
+//! The module `svbrdf._native`, which the Python package `svbrdf` wraps. It works with the interpreter's lock
+//! released.
 
 extern crate svbrdf as engine;
 

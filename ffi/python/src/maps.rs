@@ -175,7 +175,7 @@ impl Maps {
 
     /// Reads a folder with ``maps.exr`` or images ``normal``, ``diffuse``, ``specular``, ``roughness``.
     ///
-    /// ``sample_mm`` is the size of the sample; by default what the files state.
+    /// ``sample_mm`` is the size of the sample; by default that of the files.
     #[staticmethod]
     #[pyo3(signature = (folder, *, sample_mm = None))]
     fn load(py: Python<'_>, folder: PathBuf, sample_mm: Option<(f32, f32)>) -> PyResult<Self> {
@@ -201,7 +201,7 @@ impl Maps {
         (self.maps.height(), self.maps.width())
     }
 
-    /// What became of each photograph of a fit; empty for other maps.
+    /// The report of each photograph of a fit; empty for other maps.
     #[getter]
     fn photos<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
         self.photos.bind(py).clone()
@@ -373,7 +373,7 @@ impl Maps {
         Ok(array(py, Ix3(height, width, 3), values))
     }
 
-    /// The same maps with what became of each photograph.
+    /// The same maps with the reports of photographs.
     fn _with_photos(&self, photos: Py<PyTuple>) -> Self {
         let (maps, uncertainty) = (self.maps.clone(), self.uncertainty.clone());
         Self { maps, uncertainty, sample_mm: self.sample_mm, photos }

@@ -86,7 +86,7 @@ impl Photo {
     /// Reads a JPEG, PNG, TIFF, OpenEXR or DNG file, upright as its orientation tag says, colours as its profile means
     /// them.
     ///
-    /// ``encoding`` is the transfer curve of its values; by default, what the file says. ``exposure`` is by default that of
+    /// ``encoding`` is the transfer curve of its values; by default that of the file. ``exposure`` is by default that of
     /// the metadata (seconds * ISO / F-number²), or 1.
     #[staticmethod]
     #[pyo3(signature = (path, encoding = None, *, exposure = None))]

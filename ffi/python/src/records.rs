@@ -1,4 +1,4 @@
-//! What a session tells.
+//! Reports of a session.
 
 use pyo3::prelude::*;
 use svbrdf::session;
@@ -14,7 +14,7 @@ pub struct Hint {
 }
 
 impl Hint {
-    /// What is to be told, and its name.
+    /// A hint with its name.
     pub fn new(code: &'static str, message: String) -> Self {
         Self { code, message }
     }
@@ -42,7 +42,7 @@ pub struct Accepted {
     reprojection_rms_px: Option<f64>,
     /// Centre of the camera in the board frame, mm; ``None`` for rectified photographs.
     camera_mm: Option<(f64, f64, f64)>,
-    /// What the user may want to know.
+    /// Remarks for the user.
     hints: Vec<Py<Hint>>,
 }
 
@@ -155,12 +155,12 @@ impl NextView {
     }
 }
 
-/// What a photograph that is only looked at would be good for.
+/// The verdict on a photograph that is not added.
 #[pyclass(frozen, get_all, module = "svbrdf")]
 pub struct Probe {
     /// Why a photograph like it would not be used; ``None``: it would.
     rejection: Option<Py<Rejected>>,
-    /// What there is to tell about it.
+    /// Remarks, whether it would be accepted or not.
     hints: Vec<Py<Hint>>,
     /// Corners of the board found.
     corners: usize,

@@ -199,8 +199,8 @@ impl Session {
         Ok(PyBytes::new(py, &detached(py, || self.native().save())?))
     }
 
-    /// Limits the work on each photograph from now on: seconds, steps of the optimisers, or an end where what would still
-    /// change is invisible in 8-bit maps.
+    /// Limits the work on each photograph from now on: seconds, steps of the optimisers, or an end once further
+    /// changes are invisible in 8-bit maps.
     #[pyo3(signature = (*, seconds = None, steps = None, stop_when_invisible = false))]
     fn set_budget(
         &self,
@@ -249,8 +249,8 @@ impl Session {
         detached(py, || self.native().remove_photo(index))
     }
 
-    /// What there is to tell about each accepted photograph with all that is known now: a list for each. Hints given when a
-    /// photograph came may hold no longer, and others may. Ask once the fit has settled.
+    /// Hints about each accepted photograph from all present knowledge, a list for each. Hints given when a photograph was
+    /// added may no longer hold, and others may. Meaningful once the fit has settled.
     fn hints(&self, py: Python<'_>) -> PyResult<Vec<Vec<Py<Hint>>>> {
         let all = detached(py, || self.native().hints())?;
         all.iter().map(|hints| records::hints(hints, py)).collect()

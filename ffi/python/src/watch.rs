@@ -10,8 +10,8 @@ use crate::errors::detached;
 /// Longest time without a look at signals.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Waits until the fit has settled, for at most `timeout`: whether it has. Raises what a signal's
-/// handler raises.
+/// Waits until the fit has settled, for at most `timeout`; returns whether it has. Raises the exceptions of signal
+/// handlers.
 pub fn wait(py: Python<'_>, session: &Session, timeout: Option<Duration>) -> PyResult<bool> {
     let end = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     loop {

@@ -1,4 +1,4 @@
-"""What tests share: the capture of the repository and the command line that was built beside the wheel."""
+"""Fixtures: the capture of the repository, and the command line that was built beside the wheel."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def capture() -> pathlib.Path:
 
 @pytest.fixture(scope="session")
 def command() -> str:
-    """The command line: ``SVBRDF_CLI``, or what cargo built."""
+    """The command line: ``SVBRDF_CLI``, or the build of cargo."""
     path = os.environ.get("SVBRDF_CLI", str(ROOT / "target" / "release" / "svbrdf"))
     if not os.path.exists(path):
         pytest.fail(f"{path} is missing: cargo build --release -p svbrdf-cli, or set SVBRDF_CLI")

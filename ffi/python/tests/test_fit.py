@@ -73,7 +73,7 @@ def test_what_on_progress_raises_ends_the_fit(capture: pathlib.Path) -> None:
 
 
 def test_ctrl_c_ends_the_fit(capture: pathlib.Path) -> None:
-    # Shells start what runs in the background with interrupts ignored.
+    # Shells start background processes with interrupts ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     beginning, asked = threading.Event(), threading.Event()
 

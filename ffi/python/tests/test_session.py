@@ -1,4 +1,4 @@
-"""Sessions: what is outcome, told, saved, cancelled."""
+"""Sessions: outcomes, reports, saving, cancelling."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_saved_session_goes_on_to_the_same_maps(described: svbrdf.Capture, pho
         assert restored.progress.photos == 1
         restored.add_photo(photos[1])
         restored.wait()
-        # Off by a small part of what maps are known to.
+        # Off by a small part of the maps' deviations.
         off = restored.snapshot().normal - expected.normal
         assert np.sqrt(np.mean(off**2)) < 0.01
         restored.remove_photo(1)
@@ -92,7 +92,7 @@ def test_a_cancelled_session_keeps_its_maps(described: svbrdf.Capture, photos: R
 def test_python_runs_while_a_session_waits_and_signals_end_the_waiting(
     described: svbrdf.Capture, photos: Rows
 ) -> None:
-    # Shells start what runs in the background with interrupts ignored.
+    # Shells start background processes with interrupts ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with svbrdf.Session.of_capture(described) as session:
         session.set_budget(steps=STEPS)
@@ -156,8 +156,8 @@ def test_rectified_photographs_are_explained() -> None:
         maps = session.snapshot()
     for place, picture in zip(places, pictures):
         shown = maps.render(camera_mm=place, light_mm=place)
-        # Diffuse and specular parts trade against each other; what they show together is known, but for
-        # the gain that each rectified photograph may have.
+        # Diffuse and specular parts trade against each other. Their sum is determined, up to the gain of each
+        # rectified photograph.
         gain = picture.sum() / shown.sum()
         error = np.abs(gain * shown - picture).mean() / picture.mean()
         assert 0.5 < gain < 2 and error < 0.1, (gain, error)

@@ -40,7 +40,7 @@ pub const SVBRDF_FALLOFF_INVERSE_SQUARE: svbrdf_falloff = 2;
 /// The same irradiance light_power at every texel; pi: a white texel facing it comes out at 1.
 pub const SVBRDF_FALLOFF_NONE: svbrdf_falloff = 3;
 
-/// Options of a session. What they point to is needed only during the call, except user_data.
+/// Options of a session. Memory behind their pointers is needed only during the call, except user_data.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_session_options {
@@ -152,7 +152,7 @@ impl svbrdf_session_options {
         (self.memory_limit_bytes > 0).then_some(self.memory_limit_bytes)
     }
 
-    /// What counts of the options for a session that goes on.
+    /// The options that apply to a restored session.
     pub(crate) fn for_restoring(&self) -> Result<RestoreOptions, Fault> {
         let threads = self.threads()?;
         let threads = (threads > 0).then_some(threads);
@@ -180,7 +180,7 @@ impl svbrdf_session_options {
     }
 
     /// # Safety
-    /// `board`, `camera` and `flash_offset_mm` are NULL or what the header says.
+    /// `board`, `camera` and `flash_offset_mm` are NULL or as the header requires.
     pub(crate) unsafe fn scene(&self) -> Result<Scene, Fault> {
         match self.scene {
             SVBRDF_SCENE_BOARD => {

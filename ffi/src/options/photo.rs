@@ -75,7 +75,7 @@ impl svbrdf_photo_info {
     /// A caller's metadata, defaults for NULL.
     ///
     /// # Safety
-    /// NULL or what the header says.
+    /// NULL or as the header requires.
     pub(crate) unsafe fn from_caller(info: *const Self) -> Result<Self, Fault> {
         // SAFETY: as the caller vouches.
         let info = unsafe { versioned::read_or_default(info) }?;
@@ -91,7 +91,7 @@ impl svbrdf_photo_info {
     /// The photo of a call.
     ///
     /// # Safety
-    /// `ambient` is NULL or what the header says; as [`svbrdf_image::photo`].
+    /// `ambient` is NULL or as the header requires; as [`svbrdf_image::photo`].
     pub(crate) unsafe fn photo(&self, image: &svbrdf_image) -> Result<Photo, Fault> {
         // SAFETY: the caller vouches for the planes.
         let photo = unsafe { image.photo(self.exposure) }?;

@@ -19,14 +19,14 @@ use crate::versioned;
 /// Starts a session. Free it with svbrdf_session_destroy().
 ///
 /// # Safety
-/// `options` is NULL or initialised by svbrdf_session_options_init(); what it points to is what
-/// the header says; `session` is NULL or writable.
+/// `options` is NULL or initialised by svbrdf_session_options_init(), with pointers as the
+/// header requires; `session` is NULL or writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn svbrdf_session_create(
     options: *const svbrdf_session_options,
     session: *mut *mut svbrdf_session,
 ) -> svbrdf_status {
-    // SAFETY: the caller vouches for the options, what they point to, and the result.
+    // SAFETY: the caller vouches for the options, their pointers, and the result.
     unsafe {
         open(options, session, |options| {
             let (scene, settings) = if options.capture.is_null() {

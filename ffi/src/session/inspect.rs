@@ -62,7 +62,7 @@ pub unsafe extern "C" fn svbrdf_session_light(
     ambient_fraction: *mut f32,
 ) -> svbrdf_status {
     look(session, |live| {
-        // SAFETY: the caller vouches for what is not NULL.
+        // SAFETY: the caller vouches for pointers that are not NULL.
         unsafe {
             if !flash_offset_mm.is_null() {
                 let offset = live.session.flash_offset_mm().to_array();
@@ -163,7 +163,7 @@ pub unsafe extern "C" fn svbrdf_session_pose(
             Fault::argument(format!("index: {index} given, but there are {} poses", poses.len()))
         })?;
         let rows = board.pose.rotation.transpose().to_cols_array();
-        // SAFETY: the caller vouches for what is not NULL.
+        // SAFETY: the caller vouches for pointers that are not NULL.
         unsafe {
             if !rotation.is_null() {
                 rotation.cast::<[f64; 9]>().write_unaligned(rows);

@@ -5,7 +5,7 @@ import AVFoundation
 import Foundation
 import SVBRDFScanner
 
-/// What an app shows of a scan; called from a task of the controller's.
+/// The view of a scan; called from a task of the controller.
 public protocol CaptureScreen: AnyObject, Sendable {
     func show(_ guidance: Guidance) async
     func show(_ outcome: Outcome) async
@@ -66,7 +66,7 @@ public final class CaptureController: NSObject, @unchecked Sendable {
             guard let device else { throw CaptureError.noCamera }
             try device.lockForConfiguration()
             defer { device.unlockForConfiguration() }
-            // Highlights need room above what automatic exposure aims at.
+            // Highlights need room above the target of automatic exposure.
             let range = device.activeFormat
             let half = CMTimeMultiplyByFloat64(device.exposureDuration, multiplier: 0.5)
             let shortest = range.minExposureDuration
@@ -142,7 +142,7 @@ public final class CaptureController: NSObject, @unchecked Sendable {
         }
     }
 
-    /// What the guide says of a frame; the frame itself is the photo when it is time.
+    /// Guides with a frame, which becomes the photo when the guide asks to shoot.
     private func look(_ photo: Photo, _ info: PhotoInfo) async {
         do {
             let guidance = try await scanner.guide(photo, info)

@@ -1,4 +1,4 @@
-//! `android-example/aar.sh`: what it packs, and what it refuses.
+//! `android-example/aar.sh`: the contents of the archive, and the refusals.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -136,7 +136,7 @@ fn pom_is_right(pom: &str, version: &str, tools: &Path) {
     ] {
         assert!(pom.contains(part), "{part}");
     }
-    // What it was compiled against.
+    // The stated version is the one that it was compiled with.
     let coroutines = tools.join("kotlinc/lib/kotlinx-coroutines-core-jvm.jar");
     let stated = Command::new("unzip")
         .arg("-p")
@@ -149,7 +149,7 @@ fn pom_is_right(pom: &str, version: &str, tools: &Path) {
     }
 }
 
-/// Apps in both languages, against what is in the archive alone.
+/// Compiles apps in both languages against the archive alone.
 fn clients_compile(dir: &Path, tools: &Path, classes: &Path) {
     let lib = tools.join("kotlinc/lib");
     let libraries = [lib.join("kotlin-stdlib.jar"), lib.join("kotlinx-coroutines-core-jvm.jar")];

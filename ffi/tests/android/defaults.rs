@@ -1,4 +1,4 @@
-//! What the binding takes where nothing is said is what the library takes.
+//! The defaults of the binding are those of the library.
 
 use std::fs;
 
@@ -75,7 +75,7 @@ fn the_guides_default_options_are_the_librarys() {
     }
 }
 
-/// Those that only the C library has, by what it fills its structs with.
+/// Defaults that only the C ABI has, read from its initial structs.
 #[test]
 fn the_defaults_of_the_binding_are_those_of_the_header() {
     let rust = |file: &str| {

@@ -1,10 +1,10 @@
 //! `android-example` without Google's tools: the binding and its native code on the desktop JVM,
-//! the app compiled against Android's class library and packed. `tests/android-tools.sh` gets what
-//! they need.
+//! the app compiled against Android's class library and packed. `tests/android-tools.sh` installs
+//! their tools.
 #![cfg(target_os = "linux")]
 
 mod aar;
-#[allow(dead_code)] // What clients in C need.
+#[allow(dead_code)] // Clients in C need more of it.
 #[path = "../clients/common.rs"]
 mod common;
 mod defaults;

@@ -1,4 +1,4 @@
-//! The C ABI is that of the last release, and the comparison sees what breaks it.
+//! The C ABI is compatible with the last release, and the comparison detects breaking changes.
 
 use std::process::{Command, Output};
 

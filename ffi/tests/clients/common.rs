@@ -44,8 +44,7 @@ pub fn has(program: &str) -> bool {
     found
 }
 
-/// Says what is not checked, and notes it for the count at the end of the run: `tests/run.sh` names
-/// the list in `SVBRDF_SKIPPED`.
+/// Reports a skipped check, and notes it in the list that `SVBRDF_SKIPPED` names: `tests/run.sh` counts them.
 pub fn skipped(what: &str) {
     eprintln!("SKIPPED: {what}");
     if let Some(list) = env::var_os("SVBRDF_SKIPPED") {
@@ -83,7 +82,7 @@ pub fn library() -> &'static Path {
 }
 
 /// The library under both its names.
-fn link_library(dir: &Path) {
+pub fn link_library(dir: &Path) {
     for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
         std::os::unix::fs::symlink(library(), dir.join(name)).unwrap();
     }

@@ -4,6 +4,7 @@
 
 mod abi;
 mod common;
+mod examples;
 mod packaging;
 
 use std::path::Path;

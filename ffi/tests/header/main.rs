@@ -1,4 +1,4 @@
-//! `include/svbrdf.h` is what the crate's source says. `SVBRDF_UPDATE=1` writes it anew.
+//! `include/svbrdf.h` matches the crate's source. `SVBRDF_UPDATE=1` writes it again.
 
 mod order;
 
@@ -61,7 +61,7 @@ fn types_of_constants(folder: &Path) -> BTreeMap<String, String> {
     found
 }
 
-/// Drops `# Safety` and what follows it in a comment.
+/// Drops `# Safety` and the rest of a comment.
 fn without_safety_sections(header: &str) -> String {
     let mut out: Vec<&str> = Vec::new();
     let mut dropping = false;

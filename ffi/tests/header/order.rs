@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What a declaration with its comment declares.
+/// A declaration by its kind.
 #[derive(Debug, PartialEq)]
 enum Item {
     Constant(String),

@@ -52,7 +52,7 @@ pub fn options(bytes: &mut Bytes) -> svbrdf_session_options {
     options
 }
 
-/// A picture, and what is said about it is nearly right, or anything.
+/// A picture with a description that is nearly right, or anything.
 pub fn image(bytes: &mut Bytes, noise: &Picture) -> svbrdf_image {
     let layout = bytes.u8();
     let picture = if layout < 160 { noise } else { board_picture(layout % 8) };

@@ -1,5 +1,5 @@
 //! Sequences of calls of the C library in any order with any arguments, as far as a caller may
-//! choose them: pointers are NULL or what they should be, handles also stale or of another kind.
+//! choose them: pointers are NULL or valid, handles also stale or of another kind.
 
 mod arguments;
 mod bytes;
@@ -48,7 +48,7 @@ pub fn run(data: &[u8]) -> usize {
     done
 }
 
-/// What lives is ended by whoever its kind is; the others say that they do not know it.
+/// Ends each handle by the function of its kind; all others must refuse it.
 fn end(world: &World) {
     for &handle in &world.handles {
         let session = svbrdf_session_destroy(ptr::without_provenance_mut(handle));

@@ -1,4 +1,4 @@
-//! What lives during a sequence of calls.
+//! Live objects of a sequence of calls.
 
 use std::ffi::{c_char, c_void};
 use std::ptr;

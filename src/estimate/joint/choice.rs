@@ -26,7 +26,7 @@ use super::setup::{Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::coordinates::Coordinates;
-use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior};
+use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, Omission};
 use crate::estimate::photographs::Photographs;
 use crate::svbrdf::NO_LOBES;
 
@@ -123,7 +123,11 @@ impl PriorChoice {
             (0, false, true),
             (1, true, false),
         ];
-        let number = if choice.is_determined() { lobes.len() } else { 2 };
+        let number = match choice.is_determined() {
+            _ if !choice.has_lobes() => 1,
+            true => lobes.len(),
+            false => 2,
+        };
         let with = |(directions, coated, sheen)| JointPrior {
             directions,
             coated,
@@ -138,6 +142,11 @@ impl PriorChoice {
     /// Whether there are enough photographs to leave one out.
     fn is_determined(&self) -> bool {
         self.which.len() >= self.options.schedule.determined_from
+    }
+
+    /// Whether optional lobes are tried.
+    fn has_lobes(&self) -> bool {
+        !self.options.schedule.without.contains(&Omission::Lobes)
     }
 
     fn begin(&mut self, round: Round, candidates: Vec<JointPrior>) {
@@ -202,7 +211,7 @@ impl PriorChoice {
         prior.sheen |= accepts(|prior| prior.sheen);
         let place = self.candidates.iter().position(|c| *c == prior);
         let known = place.map(|c| self.errors[self.of(c)].to_vec()).unwrap_or_default();
-        if self.round == Round::Lobes && self.is_determined() {
+        if self.round == Round::Lobes && self.is_determined() && self.has_lobes() {
             let two = JointPrior { directions: 2, ..prior };
             let coated = (!prior.coated).then_some(JointPrior { coated: true, ..two });
             let candidates = [prior, two].into_iter().chain(coated).collect();

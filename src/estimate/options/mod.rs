@@ -41,11 +41,43 @@ pub struct ScheduleOptions {
     pub photographs: usize,
     /// Largest number of texels along the longer side in phases before the last. Tuned.
     pub texels: usize,
+    /// Parts that are left out, to measure their contribution; none by default.
+    pub without: Vec<Omission>,
+}
+
+/// An optional part of the estimator: a phase, or the lobes that the phase `choice` tries. The phase `latent` is not
+/// optional, because all others start from its maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Omission {
+    /// The phase `relief`.
+    Relief,
+    /// The phase `choice`: the joint solve has the prior for few photographs.
+    Choice,
+    /// Anisotropy and coat.
+    Lobes,
+    /// The phase `joint`.
+    Joint,
+    /// The phase `texels`.
+    Texels,
+}
+
+impl Omission {
+    /// Its name in options; that of the phase, if it is one.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Relief => "relief",
+            Self::Choice => "choice",
+            Self::Lobes => "lobes",
+            Self::Joint => "joint",
+            Self::Texels => "texels",
+        }
+    }
 }
 
 impl Default for ScheduleOptions {
     fn default() -> Self {
-        Self { determined_from: 3, photographs: 12, texels: 256 }
+        Self { determined_from: 3, photographs: 12, texels: 256, without: Vec::new() }
     }
 }
 

@@ -22,6 +22,7 @@ use std::collections::VecDeque;
 use tracing::{Span, debug, debug_span};
 use web_time::Instant;
 
+use super::options::Omission;
 use super::task::{Method, Task};
 use crate::Result;
 use work::Done;
@@ -56,9 +57,9 @@ fn tell(report: &PhaseReport) {
 }
 
 impl Schedule {
-    /// The phases for a number of photographs. `coarse` says that the photographs have more texels than the
-    /// phases work on.
-    pub fn new(task: Task, photographs: usize, coarse: bool) -> Self {
+    /// The phases for a number of photographs, without those that `without` names. `coarse` says that the photographs
+    /// have more texels than the phases work on.
+    pub fn new(task: Task, photographs: usize, coarse: bool, without: &[Omission]) -> Self {
         let mut left: VecDeque<Box<dyn Work>> = VecDeque::new();
         if task.method == Method::Classic {
             left.push_back(Box::new(baseline::Phase::default()));
@@ -75,6 +76,7 @@ impl Schedule {
                 left.push_back(Box::new(texels::Phase::default()));
             }
         }
+        left.retain(|work| !without.iter().any(|part| part.name() == work.name()));
         let span = debug_span!(target: "svbrdf::fit", "fit", photos = photographs);
         Self { left, reports: Vec::new(), begun: false, photographs, spent: 0.0, span }
     }
@@ -115,5 +117,27 @@ impl Schedule {
         let left: f32 = self.left.iter().map(|work| cost(work.as_ref())).sum();
         let here = self.left.front().map_or(0.0, |work| work.fraction() * cost(work.as_ref()));
         (self.spent + here) / (self.spent + left).max(f32::MIN_POSITIVE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phases_are_left_out_by_name() {
+        let task = Task { method: Method::Deep, refine: true, free_lights: false };
+        let names = |without: &[Omission]| {
+            let schedule = Schedule::new(task, 3, false, without);
+            schedule.left.iter().map(|work| work.name()).collect::<Vec<_>>()
+        };
+        let all = ["latent", "relief", "choice", "joint", "texels"];
+        assert_eq!(names(&[]), all);
+        for part in [Omission::Relief, Omission::Choice, Omission::Joint, Omission::Texels] {
+            let left: Vec<_> = all.into_iter().filter(|name| *name != part.name()).collect();
+            assert_eq!(names(&[part]), left);
+            assert_eq!(left.len(), 4);
+        }
+        assert_eq!(names(&[Omission::Lobes]), all);
     }
 }

@@ -1,5 +1,4 @@
-//! Photographs of a board: calibration and rectification, and what later photographs change about
-//! earlier ones.
+//! Photographs of a board: calibration, rectification, and the effect of later photographs on earlier ones.
 
 use std::sync::Arc;
 
@@ -30,35 +29,35 @@ use crate::session::reports::BoardPose;
 use crate::session::survey::{self, Candidate, NextView};
 use crate::{BoardDifference, Error, Rejection};
 
-/// Where the flash of an unknown camera may be, mm: in the plane of its lens.
+/// Prior of the flash position of an unknown camera: in the plane of its lens, mm.
 const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
-/// Another height that moves the sample by less than this, texels, is not taken over.
+/// A new height is ignored if it moves the sample by no more than this, texels.
 const MOVED_TEXELS: f64 = 0.1;
-/// Maps of a sample that is moved by more than this are no start any more, texels.
+/// The fit restarts if a new height moves the sample by more than this, texels.
 const RESTART_TEXELS: f64 = 1.0;
-/// How well a sample's edge is known to lie where it is said to, px.
+/// Uncertainty of the stated position of the sample's edge, px.
 const PLACED_PX: f64 = 0.5;
-/// A given camera's photographs after which paper and sample are taken as known, at the earliest
+/// Numbers of photographs, with a given camera, after which paper and height count as known: at the earliest,
 /// and at the latest.
 const SETTLING_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
 
-/// All that is known of a board, its photographs, and their camera and light. What is not saved follows from
+/// A board, its photographs, and the estimates of their camera and light. Fields that are not saved follow from
 /// the scene, the settings and the photographs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Board {
     #[serde(skip)]
     described: Target,
-    /// How the print differs from that.
+    /// Difference of the print from the description.
     printed: Printed,
     /// The board as printed.
     #[serde(skip)]
     pub target: Target,
     #[serde(skip)]
     flash_offset_mm: Option<DVec3>,
-    /// Intrinsics that the caller has given.
+    /// Intrinsics that the caller has stated.
     #[serde(skip)]
     given: Option<Camera>,
-    /// Whether the caller has said how high the sample lies.
+    /// Whether the caller has stated the height of the sample.
     #[serde(skip)]
     stated: bool,
     #[serde(skip)]
@@ -66,7 +65,7 @@ pub struct Board {
     /// Texels along each side of a rectified photograph.
     #[serde(skip)]
     resolution: usize,
-    /// Intrinsics that the photographs tell, where none are given.
+    /// Intrinsics estimated from the photographs, if none are stated.
     pub estimate: Option<Box<CameraEstimate>>,
     pub paper: PaperEstimate,
     pub elevation: ElevationEstimate,
@@ -76,7 +75,10 @@ pub struct Board {
 }
 
 impl Board {
-    /// Checks the scene.
+    /// A board without photographs.
+    ///
+    /// # Errors
+    /// When a value is out of range.
     pub fn new(
         target: Target,
         given: Option<Camera>,
@@ -107,7 +109,7 @@ impl Board {
         Ok(Self { sample_mm, resolution, elevation, ..fixed })
     }
 
-    /// This board without photographs, with what was saved of another of the same scene.
+    /// This board with the photographs and estimates of a saved one of the same scene.
     pub fn resumed(self, saved: Self) -> Self {
         let Self { printed, estimate, paper, photographs, .. } = saved;
         let target = printed.target(&self.described);
@@ -117,17 +119,17 @@ impl Board {
         board
     }
 
-    /// The camera as used: given, or as the photographs tell it.
+    /// The camera in use: stated or estimated.
     pub fn camera(&self) -> Option<Camera> {
         self.given.or(self.estimate.as_ref().map(|estimate| estimate.camera))
     }
 
-    /// Poses as known now.
+    /// The latest poses.
     pub fn poses(&self) -> Vec<Pose> {
         self.photographs.iter().map(|photograph| photograph.pose).collect()
     }
 
-    /// Light position in the camera frame as used, mm.
+    /// Flash position in the camera frame in use, mm.
     pub fn flash_offset_mm(&self) -> DVec3 {
         self.photometry.as_ref().map_or(DVec3::ZERO, |known| known.flash_offset_mm)
     }
@@ -137,12 +139,12 @@ impl Board {
         survey::candidates(&self.poses(), self.flash_offset_mm())
     }
 
-    /// Where the next photograph tells most, as far as the poses so far tell.
+    /// The most informative view for the next photograph, judged by the poses so far.
     pub fn next_view(&self) -> Option<NextView> {
         survey::next_view(&self.poses(), self.flash_offset_mm(), self.sample_mm)
     }
 
-    /// A calibrator of light without photographs.
+    /// A photometric calibrator without photographs.
     pub fn photometer(&self) -> PhotometricCalibrator {
         let flash = match self.flash_offset_mm {
             Some(offset) => FlashOffset::Known(offset),
@@ -151,13 +153,13 @@ impl Board {
         PhotometricCalibrator::new(self.target.clone(), flash)
     }
 
-    /// The same with the squares of all photographs.
+    /// A photometric calibrator with the squares of all photographs.
     fn calibrator(&self) -> PhotometricCalibrator {
         let photos = self.photographs.iter().map(|p| (p.pose, p.measured.squares.clone()));
         self.photometer().with_photos(photos)
     }
 
-    /// Bytes of the parts of photographs kept and of their details.
+    /// Bytes of the kept parts of photographs and of their details.
     pub fn kept_bytes(&self) -> u64 {
         let parts = self.photographs.iter().filter_map(|p| p.part.as_ref());
         let details = self.photographs.iter().filter_map(|p| p.details.as_ref()?.detail.as_ref());
@@ -165,7 +167,7 @@ impl Board {
             + details.map(Detail::bytes).sum::<u64>()
     }
 
-    /// How the photographs are to be rectified.
+    /// Instructions to rectify the photographs.
     pub fn wanted(&self) -> Vec<Wanted> {
         self.photographs.iter().map(Photograph::wanted).collect()
     }
@@ -199,7 +201,7 @@ impl Board {
         let veiled = Veiled { surround: &Surround::of(photo), corner: [0; 2] };
         let conditions = photograph.conditions;
         let rectified = Rectified::new(conditions, photo, veiled, &camera, self.sample_mm, size)?;
-        // The parts are let go of once these are rectified.
+        // Before `settle` drops the parts that these need.
         let earlier = board.wanted();
         board.photographs.push(photograph);
         board.settle();
@@ -207,7 +209,7 @@ impl Board {
         Ok((board, Taken { rectified, pose, earlier, restart }))
     }
 
-    /// What there is to tell about a photograph that is only looked at, if its squares are known.
+    /// Hints about a photograph that is not added. Those about its light need `squares`.
     pub fn hints(&self, pose: &Pose, squares: Option<&Squares>) -> Vec<Hint> {
         let light = self.photometry.as_ref().zip(squares);
         let linearity =
@@ -215,28 +217,27 @@ impl Board {
         advice::nothing_new(&self.poses(), pose).into_iter().chain(linearity).collect()
     }
 
-    /// Height of the sample, whether the caller has said it.
+    /// Whether the caller has stated the height of the sample.
     pub fn is_height_stated(&self) -> bool {
         self.stated
     }
 
-    /// Standard deviation of the sample's brightness by what is not known of its height, relative: light falls off with
-    /// the square of the distance.
+    /// Relative standard deviation of the sample's brightness due to the uncertainty of its height: light falls off
+    /// with the square of the distance.
     pub fn height_brightness(&self) -> f64 {
         let nearer = |p: &Photograph| 2.0 / p.pose.camera_centre().z.max(1.0);
         let count = self.photographs.len().max(1) as f64;
         self.elevation.sigma_mm * self.photographs.iter().map(nearer).sum::<f64>() / count
     }
 
-    /// The board as if a photograph had never come, and how the others are to be rectified: they are taken in again, in
-    /// their order, from what was measured in them and the parts kept.
+    /// The board without a photograph, and instructions to rectify the others. The others are added again in order,
+    /// from their measurements and kept parts.
     ///
-    /// Where some are not kept any more, paper and height are settled and stay as they are: only the
-    /// light is estimated anew. Squares are those measured when a photograph came, with its pose
-    /// of then.
+    /// If a part has been dropped, paper and height are settled and stay; only the light is estimated again. Squares
+    /// stay as they were measured, with the pose at that time.
     ///
     /// # Errors
-    /// The first photograph that would have been rejected without that one, and why.
+    /// The first photograph that would have been rejected without that one, and its rejection.
     pub fn without(&self, index: usize) -> Result<(Self, Vec<Wanted>), (usize, Rejection)> {
         let left = || self.photographs.iter().enumerate().filter(move |(i, _)| *i != index);
         let settled = left().any(|(_, photograph)| photograph.part.is_none());
@@ -252,7 +253,7 @@ impl Board {
         for (i, old) in left() {
             board.again(old, settled).map_err(|rejection| (i, rejection))?;
         }
-        // Views are made from parts that the new board may have let go of.
+        // With the old parts: the new board may have dropped them.
         let wanted = board.photographs.iter().zip(left()).map(|(new, (_, old))| {
             let part = old.part.clone().filter(|_| !settled);
             Wanted::Board { conditions: new.conditions, part }
@@ -261,7 +262,7 @@ impl Board {
         Ok((board, wanted))
     }
 
-    /// Takes a photograph in again.
+    /// Adds a photograph of another board from its measurements.
     fn again(&mut self, old: &Photograph, settled: bool) -> Result<(), Rejection> {
         let measured = old.measured.clone();
         let (camera, place) = self.locate(&measured.prior, &measured.corners)?;
@@ -274,7 +275,7 @@ impl Board {
         Ok(())
     }
 
-    /// The light of all photographs and of a new one.
+    /// Calibrates the light with a new photograph: the calibrator, and the new photograph's radiometry.
     fn lit(
         &self,
         squares: &Squares,
@@ -285,8 +286,8 @@ impl Board {
         Ok((calibrator, radiometry))
     }
 
-    /// Takes over what a new photograph tells of light and height, which changes the conditions of the earlier ones.
-    /// The photograph itself; and whether the sample lies so far elsewhere that maps so far are no start any more.
+    /// Estimates height and light with a new photograph and updates the conditions of the earlier ones. Returns the
+    /// photograph, and whether the sample has moved too far for the current maps to be a start.
     fn add(
         &mut self,
         measured: Measured,
@@ -298,7 +299,7 @@ impl Board {
     ) -> (Photograph, bool) {
         let known_mm = self.elevation.mm;
         let details = match &part {
-            // one photograph tells nothing, and its maps are waited for
+            // A single photograph does not determine the height, and its caller waits for maps.
             Some(part) if !self.stated && !self.photographs.is_empty() => {
                 self.measure(part, camera, pose)
             }
@@ -320,7 +321,7 @@ impl Board {
         (photograph, change > RESTART_TEXELS)
     }
 
-    /// The board in a photograph of the size that is known.
+    /// Detects the board in a photograph, which must have the camera's size once that is known.
     fn detect(&self, photo: &Photo) -> Result<(Printed, Detection), Rejection> {
         if let Some(camera) = self.camera()
             && (photo.width(), photo.height()) != (camera.width, camera.height)
@@ -344,8 +345,8 @@ impl Board {
         })
     }
 
-    /// A photograph at the size of the camera known, where it is a multiple of that: of the same sensor at full
-    /// resolution.
+    /// The photograph reduced to the known camera's size, if its size is a multiple of that: the full resolution of
+    /// the same sensor.
     fn of_known_size(&self, photo: &Photo) -> Option<Photo> {
         let camera = self.camera()?;
         let step = photo.width() / camera.width;
@@ -353,19 +354,19 @@ impl Board {
         (fits && step > 1).then(|| photo.reduced(step))
     }
 
-    /// How the print differs from the board described.
+    /// Difference of the print from the description.
     pub fn difference(&self) -> Option<BoardDifference> {
         self.printed.difference(&self.described)
     }
 
-    /// Estimates the height of the sample from details of all photographs. Those of a new one.
+    /// Estimates the height of the sample from the details of all photographs. Returns those of the new one.
     fn measure(&mut self, part: &Part, camera: Camera, pose: Pose) -> Option<Arc<Details>> {
         let sample_mm = self.sample_mm;
         if self.photographs.iter().any(|photograph| photograph.part.is_none()) {
             return None;
         }
         for photograph in &mut self.photographs {
-            // As long as the observation stays, so do its details.
+            // Details stay valid as long as the observation does.
             let known = photograph.conditions;
             let latest = Conditions { camera, pose: photograph.pose, ..known };
             let used = if known.moves(&latest, sample_mm) { latest } else { known };
@@ -388,7 +389,7 @@ impl Board {
         Some(new)
     }
 
-    /// Camera and pose of a new photograph. Takes over what it tells of camera, paper and earlier poses.
+    /// Camera and pose of a new photograph. Updates camera, paper and the earlier poses.
     fn locate(
         &mut self,
         prior: &CameraPrior,
@@ -403,7 +404,7 @@ impl Board {
         let estimate = calibration::estimate_camera_and_paper(&self.target, &all, prior, start)?;
         let (camera, paper) = (estimate.camera, estimate.paper);
         let new = self.pose_of(&camera, &paper.paper, corners)?;
-        // The minority goes: a new photograph that the others contradict, never most of them.
+        // A new photograph that contradicts most of the others is rejected.
         let lost = estimate.views.iter().filter(|v| !v.used).count();
         if 2 * lost >= estimate.views.len() || estimate.views.last().is_some_and(|v| !v.used) {
             return Err(Rejection::PoseUncertain { rms_px: new.rms_px as f32 });
@@ -434,7 +435,7 @@ impl Board {
         Ok(if other { better } else { new })
     }
 
-    /// Poses of the earlier photographs with camera and paper as they are known now.
+    /// Estimates the poses of the earlier photographs with the current camera and paper.
     fn locate_earlier(&mut self, camera: &Camera) {
         let (target, paper) = (&self.target, &self.paper.paper);
         for p in &mut self.photographs {
@@ -459,7 +460,7 @@ impl Board {
         self.given.is_none() || self.photographs.iter().all(|p| p.part.is_some())
     }
 
-    /// How far points of the sample move in the board's plane per height, in photographs so far, at most.
+    /// Largest displacement of points of the sample per unit of height in the photographs so far, see [`steepest`].
     fn steepest(&self) -> f64 {
         self.photographs.iter().map(|p| steepest(&p.pose, self.sample_mm)).fold(0.0, f64::max)
     }
@@ -469,7 +470,7 @@ impl Board {
         f64::from(self.sample_mm[0].min(self.sample_mm[1])) / self.resolution as f64
     }
 
-    /// Lets go of the photographs of a given camera once paper and sample are known.
+    /// Drops the kept pixels once paper and height are known. With an estimated camera they are always kept.
     fn settle(&mut self) {
         let count = self.photographs.len();
         let well = MOVED_TEXELS * self.texel_mm() / self.steepest().max(0.1);

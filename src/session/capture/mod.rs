@@ -1,5 +1,5 @@
-//! The record: what was measured in photographs and board so far, and how one photograph more or less changes
-//! it. A [`Capture`] with another photograph is a new one, which takes the place of the old as a whole.
+//! The record: measurements in the photographs so far, and the estimates of board, camera and light from them.
+//! Adding or removing a photograph makes a new [`Capture`], which replaces the old one as a whole.
 
 mod board;
 mod photograph;
@@ -9,22 +9,23 @@ use std::f32::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::{RectifiedFalloff, Scene, Settings};
+use super::settings::Settings;
 use crate::observation::{Falloff, View};
 use crate::photo::Photo;
 use crate::rectification;
+use crate::scene::{RectifiedFalloff, Scene};
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
 pub(super) use photograph::{Conditions, Measured, Photograph, Rectified, Taken, Wanted};
 
-/// The accepted photographs and what is known from them. The fit has them rectified.
+/// The accepted photographs and the estimates from them. The fit owns the rectified photographs.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) enum Capture {
     Board(Box<Board>),
     Given(Given),
 }
 
-/// Where the photographs were taken from that came rectified.
+/// Photographs that were added rectified: their cameras and lights.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Given {
     #[serde(skip)]
@@ -36,7 +37,7 @@ pub(super) struct Given {
     pub(super) photographs: Vec<Placed>,
 }
 
-/// Camera and light of a photograph that comes rectified, mm.
+/// Positions of camera and light of a photograph that is added rectified, mm.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Placed {
     pub(super) camera_mm: [f32; 3],
@@ -44,7 +45,10 @@ pub(super) struct Placed {
 }
 
 impl Capture {
-    /// Without photographs; checks the scene.
+    /// A capture without photographs.
+    ///
+    /// # Errors
+    /// When the scene is out of range.
     pub(super) fn new(scene: Scene, settings: &Settings) -> Result<Self> {
         let Settings { sample_mm, resolution, .. } = *settings;
         Ok(match scene {
@@ -59,7 +63,7 @@ impl Capture {
         })
     }
 
-    /// The capture with another photograph, which `placed` comes with if it is rectified.
+    /// The capture with another photograph. `placed` states camera and light of a rectified one.
     ///
     /// # Errors
     /// When the session expects photographs of the other kind, or a position is out of range.
@@ -88,10 +92,10 @@ impl Capture {
         }
     }
 
-    /// As if a photograph had never come, and how the others are to be rectified.
+    /// The capture without a photograph, and instructions to rectify the others.
     ///
     /// # Errors
-    /// The first photograph that would have been rejected without that one, and why.
+    /// The first photograph that would have been rejected without that one, and its rejection.
     pub(super) fn without(
         &self,
         index: usize,
@@ -110,7 +114,7 @@ impl Capture {
         })
     }
 
-    /// How the photographs are to be rectified.
+    /// Instructions to rectify the photographs.
     pub(super) fn wanted(&self) -> Vec<Wanted> {
         match self {
             Self::Board(board) => board.wanted(),
@@ -127,7 +131,7 @@ impl Capture {
 }
 
 impl Placed {
-    /// The name of a position that no camera or light above the sample has.
+    /// The name of a position that is not above the sample, or not finite.
     pub(super) fn fault(&self) -> Option<&'static str> {
         let is_above = |mm: [f32; 3]| mm.iter().all(|v| v.is_finite()) && mm[2] > 0.0;
         let positions = [("camera_mm", self.camera_mm), ("light_mm", self.light_mm)];
@@ -153,7 +157,7 @@ impl Given {
         }))
     }
 
-    /// These photographs, with what was saved of others of the same scene.
+    /// This capture with the photographs of a saved one of the same scene.
     pub(super) fn resumed(self, saved: Self) -> Self {
         Self { photographs: saved.photographs, ..self }
     }
@@ -166,7 +170,7 @@ impl Given {
         let &Placed { camera_mm, light_mm } = placed;
         let falloff = match self.falloff {
             RectifiedFalloff::Given(falloff) => falloff,
-            // as bright at the sample as pi at the first camera's distance
+            // Irradiance pi at the first camera's distance.
             RectifiedFalloff::InverseSquareAuto => {
                 let first_mm = self.photographs.first().unwrap_or(placed).camera_mm;
                 let square = first_mm.iter().map(|v| v * v).sum::<f32>();

@@ -1,7 +1,7 @@
-//! An accepted photograph of a board as it was measured, and as the fit rectifies it.
+//! An accepted photograph of a board: its measurements, and its rectification.
 //!
-//! The record ([`Photograph`]) says how the photograph is [`Wanted`]; the fit makes it so ([`Rectified`]) and owns the
-//! result.
+//! The record ([`Photograph`]) decides how a photograph is to be rectified ([`Wanted`]); the fit rectifies it and
+//! owns the result ([`Rectified`]).
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ use crate::rectification::elevation::Detail;
 use crate::rectification::{self, Part, TopView};
 use crate::session::reports::BoardPose;
 
-/// A camera estimated better moves the sample by less than this: the rectified photograph stays.
+/// A new estimate that moves the sample by no more than this keeps the rectified photograph, px.
 const MOVED_PX: f64 = 0.03;
 /// The same for the camera's position, relative to its distance.
 const MOVED_SHARE: f64 = 3e-4;
 
-/// What a photograph is rectified with.
+/// The estimates that a photograph is rectified with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     pub camera: Camera,
@@ -36,8 +36,8 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// These, where a photograph is to be seen in a better light; `latest` altogether, where its part is
-    /// kept and the sample lies elsewhere or stored values mean something else.
+    /// `latest` if the pixels are kept and the sample has moved or the response has changed; otherwise these
+    /// conditions with the light of `latest`, which needs no pixels.
     pub(super) fn improved(&self, latest: &Self, kept: bool, sample_mm: [f32; 2]) -> Self {
         if kept
             && (self.radiometry.reads_otherwise(&latest.radiometry)
@@ -49,7 +49,7 @@ impl Conditions {
         }
     }
 
-    /// Whether the sample lies elsewhere in the photograph with others, or is seen from elsewhere.
+    /// Whether the sample or the camera is elsewhere with `new`.
     pub(super) fn moves(&self, new: &Self, sample_mm: [f32; 2]) -> bool {
         let (from, to) = (self.pose.camera_centre(), new.pose.camera_centre());
         if from.distance(to) > MOVED_SHARE * to.length() {
@@ -69,21 +69,20 @@ impl Conditions {
     }
 }
 
-/// What was measured in a photograph when it came.
+/// Measurements in a photograph, made when it was added.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Measured {
     pub corners: Vec<Corner>,
-    /// What was expected of its camera.
     pub prior: CameraPrior,
     pub squares: Squares,
 }
 
-/// A photograph's details and what they were found with.
+/// A photograph's details, and the camera and pose that they were found with.
 #[derive(Debug)]
 pub(super) struct Details {
     pub(super) camera: Camera,
     pub(super) pose: Pose,
-    /// `None` where the photograph shows too little of the sample.
+    /// `None` if the photograph shows too little of the sample.
     pub(super) detail: Option<Detail>,
 }
 
@@ -98,49 +97,50 @@ impl Details {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Photograph {
     pub measured: Measured,
-    /// Latest estimate, and what it leaves of the corners, px.
+    /// The latest estimate.
     pub pose: Pose,
+    /// Reprojection error of the corners, px.
     pub rms_px: f64,
-    /// To rectify it again, while camera, paper or sample are not settled.
+    /// The pixels around the sample, kept until camera, paper and height are settled.
     #[serde(serialize_with = "write_part", deserialize_with = "read_part")]
     pub part: Option<Arc<Part>>,
-    /// Found in that part when needed.
+    /// Found in `part` when needed.
     #[serde(skip)]
     pub(super) details: Option<Arc<Details>>,
-    /// What it is to be rectified with.
+    /// The estimates to rectify it with.
     pub conditions: Conditions,
 }
 
-/// How the fit is to rectify a photograph.
+/// Instructions for the fit to rectify a photograph.
 #[derive(Debug, Clone)]
 #[allow(clippy::large_enum_variant)] // there are as many as photographs, for a moment
 pub enum Wanted {
     /// A photograph of a board.
     Board {
         conditions: Conditions,
-        /// The pixels, where they are kept: without them only the light can change.
+        /// The pixels, if they are kept. Without them only the light can change.
         part: Option<Arc<Part>>,
     },
-    /// A photograph that came rectified, with its view.
+    /// A photograph that was added rectified, with its view.
     Given(View),
 }
 
-/// A rectified photograph and what it was made with.
+/// A rectified photograph and the conditions that it was made with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rectified {
-    /// `None` for one that came rectified.
+    /// `None` for a photograph that was added rectified.
     pub conditions: Option<Conditions>,
     pub observation: Observation,
 }
 
-/// A photograph taken in.
+/// A new photograph, and its effect on the earlier ones.
 pub struct Taken {
     pub rectified: Rectified,
-    /// `None` for one that came rectified.
+    /// `None` for a photograph that was added rectified.
     pub pose: Option<BoardPose>,
-    /// How the earlier ones are to be rectified now.
+    /// Instructions for the earlier photographs.
     pub earlier: Vec<Wanted>,
-    /// Whether these lie so far elsewhere then that maps so far are no start any more.
+    /// Whether the sample has moved too far in them for the current maps to be a start.
     pub restart: bool,
 }
 
@@ -152,8 +152,8 @@ fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D:
     Ok(Option::deserialize(from)?.map(Arc::new))
 }
 
-/// What a veil over a photograph is made of: the surround of the whole photograph, and the first pixel of
-/// the part there.
+/// Data to remove a veil from a part of a photograph: the surround of the whole photograph, and the position
+/// of the part's first pixel in it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Veiled<'a> {
     pub surround: &'a Surround,
@@ -161,7 +161,7 @@ pub(super) struct Veiled<'a> {
 }
 
 impl Photograph {
-    /// How it is to be rectified.
+    /// Instructions to rectify it.
     pub fn wanted(&self) -> Wanted {
         Wanted::Board { conditions: self.conditions, part: self.part.clone() }
     }
@@ -190,7 +190,7 @@ impl Rectified {
         Ok(Self { conditions: Some(conditions), observation })
     }
 
-    /// Rectifies the part kept of a photograph.
+    /// Rectifies a photograph from the part that is kept.
     ///
     /// # Errors
     /// As [`Rectified::new`].
@@ -205,11 +205,11 @@ impl Rectified {
         Self::new(conditions, &part.photo, veiled, &camera, sample_mm, size)
     }
 
-    /// Rectifies it as it is wanted: from the pixels where the sample lies elsewhere, or where `from_pixels` asks
-    /// for that; else by the change of the light. Whether that changes anything.
+    /// Rectifies it as `wanted`: from the pixels if the geometry or the response has changed or `from_pixels` is
+    /// set, otherwise by scaling with the change of the light. Returns whether anything changed.
     ///
     /// # Errors
-    /// The reason why it cannot be: it stays as it was.
+    /// The rejection of the photograph under the new conditions; nothing has changed then.
     pub fn remake(&mut self, wanted: &Wanted, from_pixels: bool) -> Result<bool, Rejection> {
         let (wanted, part, made) = match (wanted, &self.conditions) {
             (Wanted::Board { conditions, part: Some(part) }, Some(made)) => {
@@ -246,14 +246,14 @@ impl Rectified {
     }
 }
 
-/// Middle and corners of the sample at a height, board frame.
+/// Centre and corners of the sample at a height, board frame, mm.
 fn marks(sample_mm: [f32; 2], height_mm: f64) -> [DVec3; 5] {
     [(0.0, 0.0), (-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].map(|(x, y)| {
         DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), height_mm)
     })
 }
 
-/// How far a point of the sample moves in the board's plane per height of the sample, at most.
+/// Largest displacement of a point of the sample in the board's plane per unit of height.
 pub(super) fn steepest(pose: &Pose, sample_mm: [f32; 2]) -> f64 {
     let eye = pose.camera_centre();
     let slope = |p: DVec3| (eye - p).truncate().length() / eye.z;
@@ -325,7 +325,7 @@ mod tests {
         (photograph, made(conditions).unwrap())
     }
 
-    /// Better conditions for a photograph: whether that changes how it is rectified, or why it cannot be.
+    /// Applies better conditions to a photograph: whether they change the rectified one, or the rejection.
     fn improve(
         (photograph, rectified): &mut (Photograph, Rectified),
         latest: &Conditions,
@@ -334,7 +334,7 @@ mod tests {
         rectified.remake(&photograph.wanted(), false)
     }
 
-    /// It is what the whole picture gives.
+    /// Compares with a rectification of the whole photograph.
     fn assert_rectified(rectified: &Rectified, conditions: &Conditions) {
         assert_eq!(rectified.conditions.as_ref(), Some(conditions));
         let whole = made(*conditions);
@@ -352,8 +352,7 @@ mod tests {
         }
     }
 
-    /// An earlier photograph brought up to date is what the whole photograph gives with the new
-    /// camera and pose.
+    /// The kept part gives the same as the whole photograph with the new camera and pose.
     #[test]
     fn the_part_kept_is_rectified_like_the_whole() {
         // The first guess is a little off.
@@ -366,28 +365,28 @@ mod tests {
         assert_eq!(improve(&mut both, &better), Ok(true));
         assert_rectified(&both.1, &better);
         assert_eq!(improve(&mut both, &better), Ok(false), "nothing is left to do");
-        // Without the part the light alone can change.
+        // Without the part only the light can change.
         let elsewhere = Conditions { pose: pose(0.3, 0.1, -0.2, 300.0), ..conditions(guess, 1.5) };
         let wanted = Wanted::Board { conditions: elsewhere, part: None };
         assert_eq!(both.1.remake(&wanted, false), Ok(true));
         assert_rectified(&both.1, &Conditions { radiometry: elsewhere.radiometry, ..better });
     }
 
-    /// Conditions and observation change together or not at all: the change after a refusal begins from
-    /// what the observation was made with.
+    /// Conditions and observation change together or not at all: a change after a rejection starts from the
+    /// conditions of the observation.
     #[test]
     fn a_photograph_that_cannot_be_rectified_anew_stays_as_it_was() {
         let before = conditions(camera(), 1.0);
         let mut both = accepted(before);
         let unchanged = both.1.clone();
-        // From there none of the sample is in the part that is kept.
+        // The kept part does not contain the sample from there.
         let aside = DVec3::new(400.0, 0.0, 0.0);
         let elsewhere = Pose { translation: before.pose.translation + aside, ..before.pose };
         let refused = Conditions { pose: elsewhere, radiometry: radiometry(5.0), ..before };
         let refusal = improve(&mut both, &refused);
         assert!(matches!(refusal, Err(Rejection::SampleOutside { .. })), "{refusal:?}");
         assert_eq!(both.1, unchanged);
-        // A better light then scales what is there from what it was made with.
+        // A better light then scales the observation by the ratio to its own light.
         let lit = conditions(camera(), 1.3);
         assert_eq!(improve(&mut both, &lit), Ok(true));
         assert_rectified(&both.1, &lit);
@@ -403,13 +402,13 @@ mod tests {
         assert!(!seen(&camera, &pose));
         assert!(!seen(&Camera { cx: camera.cx + 0.02, ..camera }, &pose));
         assert!(seen(&Camera { cx: camera.cx + 0.05, ..camera }, &pose));
-        // Further away with a longer lens: the picture hardly changes, the view does.
+        // Further away with a longer lens: the pixels hardly change, the view does.
         let far = Pose { translation: pose.translation * 1.001, ..pose };
         assert!(seen(&Camera { fx: camera.fx * 1.001, fy: camera.fy * 1.001, ..camera }, &far));
         // A higher sample; 0.01 mm of height are less than 0.01 px.
         let raised = |mm| used.moves(&Conditions { elevation_mm: mm, ..used }, [100.0, 100.0]);
         assert!(raised(1.2) && !raised(1.01));
-        // A better light alone keeps geometry; another tone curve asks for the pixels.
+        // A better light alone keeps the geometry.
         let lit = Conditions { radiometry: radiometry(1.3), ..used };
         assert_eq!(used.improved(&Conditions { elevation_mm: 1.01, ..lit }, true, SAMPLE_MM), lit);
         let raised = Conditions { elevation_mm: 1.2, ..lit };

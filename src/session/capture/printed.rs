@@ -1,7 +1,7 @@
-//! Which board is printed, where it is not quite the one described.
+//! Differences of the printed board from its description.
 //!
-//! The first photograph decides: where it does not show the board described, it is looked for with the other colour at
-//! its top left, and with markers that name nothing. Squares alone then place it.
+//! The first photograph decides. If it does not show the described board, the detector tries exchanged colours, then
+//! unknown markers, with which the squares alone determine the placement.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -11,36 +11,36 @@ use crate::calibration::{
 };
 use crate::{BoardDifference, Rejection};
 
-/// Side of markers that are not described, relative to their squares: what generators print is smaller.
+/// Assumed side of markers that are not described, relative to their squares. Generators print smaller ones.
 const MARKER_SHARE: f64 = 0.8;
-/// Markers that name the board's.
+/// Fewest markers that confirm a board.
 const READ_MIN: usize = 6;
 
-/// How the print differs from its description.
+/// Difference of a print from its description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Printed {
-    /// Not at all, as far as is known.
+    /// No known difference.
     #[default]
     AsDescribed,
-    /// White and black are exchanged, as older generators of boards with markers print them.
+    /// White and black are exchanged, as in prints of older generators.
     Exchanged,
     /// White squares hold other markers than described.
     OtherMarkers(Markers),
 }
 
-/// Markers as they are read, as far as they can be.
+/// Markers as they are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Markers {
-    /// The square that has the first one described would have this one.
+    /// The marker in the square that is described to have the first one, if the markers agree.
     first: Option<i32>,
-    /// Modules along a side of those read, without the border; 0: none was.
+    /// Modules along a side without the border; 0 if none was read.
     inner: u32,
-    /// How many were read.
+    /// Number of markers that were read.
     count: u32,
 }
 
 impl Printed {
-    /// The board that is printed.
+    /// The printed board.
     pub fn target(&self, described: &Target) -> Target {
         let kind = match (self, &described.kind) {
             (Self::OtherMarkers(_), _) => {
@@ -48,7 +48,7 @@ impl Printed {
                     TargetKind::CharucoRing { marker_mm, .. } => marker_mm,
                     TargetKind::CheckerboardRing => MARKER_SHARE * described.square_mm,
                 };
-                // Not in any dictionary: only squares are looked for.
+                // No dictionary: only squares are detected.
                 TargetKind::CharucoRing { dictionary: String::new(), marker_mm }
             }
             (_, kind) => kind.clone(),
@@ -61,7 +61,7 @@ impl Printed {
         Target { kind, top_left, ..described.clone() }
     }
 
-    /// What there is to tell about it.
+    /// The difference as reported to callers.
     pub fn difference(&self, described: &Target) -> Option<BoardDifference> {
         match *self {
             Self::AsDescribed => None,
@@ -77,7 +77,7 @@ impl Printed {
     }
 }
 
-/// The board in a photograph that does not show it as described: how it is printed, and where it is.
+/// Detects a board that is not printed as described: the difference, and the corners.
 pub fn look(luma: &LumaImage, described: &Target) -> Option<(Printed, Detection)> {
     let with_markers = matches!(described.kind, TargetKind::CharucoRing { .. });
     let exchanged = Printed::Exchanged;
@@ -101,7 +101,7 @@ pub fn look(luma: &LumaImage, described: &Target) -> Option<(Printed, Detection)
         }
         TargetKind::CheckerboardRing => false,
     };
-    // Something else is the matter.
+    // The markers are right: the board was missed for another reason.
     if as_described {
         return None;
     }
@@ -114,13 +114,13 @@ fn markers(luma: &LumaImage, target: &Target, corners: &[Corner]) -> MarkersRead
     calibration::read_markers(luma, target, &grid, &px)
 }
 
-/// Whether markers name the squares of a board as they are found.
+/// Whether the markers agree with the placement of the corners.
 fn is_confirmed(luma: &LumaImage, target: &Target, corners: &[Corner]) -> bool {
     let read = markers(luma, target, corners);
     read.count >= READ_MIN && read.first == Some(0)
 }
 
-/// Whether another print may be the reason of a rejection.
+/// Whether a different print may have caused a rejection.
 pub fn may_explain(rejection: &Rejection) -> bool {
     matches!(
         rejection,

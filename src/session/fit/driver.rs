@@ -1,4 +1,4 @@
-//! The fit on a thread of its own, or in steps of the caller's, and what it is asked.
+//! Runs the fit on a thread of its own or in steps of the caller, and passes jobs to it.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
@@ -12,7 +12,7 @@ use super::turns::{Fit, Job, Turn, Work};
 use crate::session::settings::Driver;
 use crate::{Error, Result, threads};
 
-/// A session's end of its fit.
+/// A session's handle of its fit.
 pub struct FitHandle {
     pub shared: Arc<Shared>,
     jobs: Sender<Job>,
@@ -22,9 +22,9 @@ pub struct FitHandle {
 /// A fit and the jobs for it.
 type Driven = Box<(Fit, Receiver<Job>)>;
 
-/// What goes on with the fit.
+/// The thread or callers that run the fit.
 enum Engine {
-    /// A thread; `None` once it was waited for.
+    /// A thread; `None` once it was joined.
     Thread(Option<JoinHandle<()>>),
     /// Callers, one at a time; `None` once the fit has ended.
     Caller(Mutex<Option<Driven>>),
@@ -50,7 +50,7 @@ impl FitHandle {
         Ok(Self { shared, jobs, engine })
     }
 
-    /// A turn of a fit that callers drive, after those of others; `None`: the fit has a thread.
+    /// A turn of a fit that callers drive, one caller at a time. `None` if the fit has a thread.
     fn turn(&self, work: Work) -> Option<Turn> {
         let Engine::Caller(fit) = &self.engine else { return None };
         let mut fit = threads::lock(fit);
@@ -61,7 +61,7 @@ impl FitHandle {
         Some(turn)
     }
 
-    /// Goes on with a fit that its caller drives: whether there may be more to do.
+    /// Continues a fit that its caller drives. Returns whether there may be more to do.
     pub fn step(&self) -> Result<bool> {
         self.shared.usable()?;
         match self.turn(Work::Step) {
@@ -75,7 +75,7 @@ impl FitHandle {
         }
     }
 
-    /// Gives the fit something to do between two steps; whether it still does anything.
+    /// Sends a job to the fit. Returns false if the fit has ended.
     pub fn send(&self, job: impl FnOnce(&mut Fit) -> Result<()> + Send + 'static) -> bool {
         let in_pool = move |fit: &mut Fit| {
             let pool = fit.pool.clone();
@@ -84,10 +84,10 @@ impl FitHandle {
         self.jobs.send(Box::new(in_pool)).is_ok()
     }
 
-    /// Asks the fit for what it tells between two steps.
+    /// Asks the fit a question, which it answers between two steps.
     ///
     /// # Errors
-    /// When the fit has failed or was cancelled, or what it answers.
+    /// When the fit has failed or was cancelled, and those of the answer.
     pub fn ask<A: Send + 'static>(
         &self,
         question: impl FnOnce(&mut Fit) -> Result<A> + Send + 'static,
@@ -95,14 +95,14 @@ impl FitHandle {
         self.shared.usable()?;
         let (reply, answer) = crossbeam_channel::bounded(1);
         self.send(move |fit| {
-            // Whoever asked may have gone.
+            // The caller may have gone.
             let _ = reply.send(question(fit));
             Ok(())
         });
         self.receive(&answer)?
     }
 
-    /// Waits for what a job sends.
+    /// Waits for the answer of a job.
     ///
     /// # Errors
     /// When the fit has failed or was cancelled.
@@ -115,8 +115,7 @@ impl FitHandle {
         self.shared.usable().err().unwrap_or(Error::Cancelled)
     }
 
-    /// Blocks until `reached` holds (true), or until the deadline (false). Goes on with the fit itself
-    /// where the caller drives it.
+    /// Blocks until `reached` holds (true), or until the deadline (false). Continues the fit if the caller drives it.
     pub fn wait_until(
         &self,
         deadline: Option<Instant>,
@@ -134,16 +133,16 @@ impl FitHandle {
                 return Ok(false);
             }
             if !self.step()? {
-                // Paused: until another thread changes something.
+                // Paused: wait for a change by another thread.
                 let changed = |state: &State| reached(state) || state.revision != seen;
                 self.shared.wait_until(deadline, changed)?;
             }
         }
     }
 
-    /// Lets the fit look at budget and flags again.
+    /// Has the fit check budget and flags.
     pub fn wake(&self) {
-        // Needs no threads; a fit that has ended needs no waking.
+        // Not in the pool, whose threads may be occupied. A fit that has ended needs no waking.
         let _ = self.jobs.send(Box::new(|fit| {
             fit.follow_budget();
             Ok(())

@@ -1,29 +1,29 @@
-//! The photographs whose progress is reported as one piece of work.
+//! The fraction of work on photographs that were announced together.
 
 /// Photographs that were announced together, or one that was not announced.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Group {
     /// Photographs accepted so far.
     accepted: usize,
-    /// Those of them on which the fit has settled.
+    /// The accepted photographs on which the fit has settled.
     finished: usize,
-    /// Photographs announced that have not come yet.
+    /// Announced photographs that are still to be added.
     to_come: usize,
-    /// Fraction of the fit's work that is done on all photographs it has.
+    /// Fraction of the fit's work that is done since it last settled.
     share: f32,
-    /// Fraction reported last: it never falls within a group.
+    /// The fraction reported last, which never falls within a group.
     reported: f32,
 }
 
 impl Group {
-    /// Photographs that are there already: their work counts as that of one.
+    /// Starts again with photographs of a restored session, or after a removal: together they count as one.
     pub fn anew(&mut self, photographs: usize, share: f32) {
         let reported = if self.to_come > 0 { self.reported } else { 0.0 };
         let accepted = photographs.min(1);
         *self = Self { accepted, finished: 0, share, reported, ..*self };
     }
 
-    /// So many photographs are still to come. They join those that the fit has not settled on yet.
+    /// Announces the number of photographs still to come. They join those on which the fit has not settled.
     pub fn announce(&mut self, photographs: usize, settled: bool) {
         if self.to_come == 0 && settled && photographs > 0 {
             *self = Self { share: self.share, ..Self::default() };
@@ -31,7 +31,7 @@ impl Group {
         self.to_come = photographs;
     }
 
-    /// A photograph was accepted; the fit has not begun with it.
+    /// A photograph was accepted. The fit has not received it yet.
     pub fn accept(&mut self) {
         if self.to_come == 0 {
             *self = Self::default();
@@ -46,7 +46,7 @@ impl Group {
         self.to_come = self.to_come.saturating_sub(1);
     }
 
-    /// The fit has done that fraction of its work on all photographs.
+    /// Sets the fraction of the fit's work that is done.
     pub fn work(&mut self, share: f32) {
         self.share = share;
     }
@@ -56,7 +56,7 @@ impl Group {
         self.finished = self.finished.max(self.accepted.saturating_sub(waiting));
     }
 
-    /// Fraction of the work that is done: what the fit does now is the work on all photographs since it settled.
+    /// Fraction of the work that is done. The fit's present work counts for all photographs since it last settled.
     pub fn fraction(&mut self) -> f32 {
         let all = self.accepted + self.to_come;
         let now = match all {
@@ -75,7 +75,7 @@ impl Group {
 mod tests {
     use super::*;
 
-    /// A photograph is accepted, and the fit does a half and then all of its work.
+    /// Fractions when a photograph is accepted, when half of its work is done, and at the end.
     fn fit(group: &mut Group) -> [f32; 3] {
         group.accept();
         let accepted = group.fraction();
@@ -124,7 +124,7 @@ mod tests {
         let before = group.fraction();
         group.accept();
         assert_eq!(group.fraction(), before);
-        // The fit ends before it has taken the latest over.
+        // The fit ends before it has received the latest.
         group.settle(1);
         assert_eq!(group.fraction(), 0.5);
         group.accept();

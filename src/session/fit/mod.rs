@@ -1,4 +1,4 @@
-//! The fit of a session: an estimate, and the jobs that it does between two steps.
+//! The fit of a session: an estimate, and the jobs of callers between its steps.
 
 mod driver;
 mod group;

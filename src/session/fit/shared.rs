@@ -1,4 +1,4 @@
-//! What callers and the fit share: results so far, and flags.
+//! State shared by callers and the fit: results so far, and flags.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -12,7 +12,7 @@ use crate::session::reports::{Progress, Revision};
 use crate::session::survey::{NextView, Survey};
 use crate::{Error, Result, Svbrdf};
 
-/// What callers and the fit share.
+/// State shared by callers and the fit.
 #[derive(Default)]
 pub struct Shared {
     state: Mutex<State>,
@@ -25,24 +25,25 @@ pub struct Shared {
 #[derive(Default)]
 pub struct State {
     pub maps: Option<Arc<Svbrdf>>,
-    /// What the fit corrected of exposure and flash with these maps.
+    /// The fit's correction of exposure and flash, with these maps.
     pub light_correction: LightCorrection,
     pub progress: Progress,
-    /// What its fraction is one of.
+    /// The photographs whose work the fraction of `progress` measures.
     pub group: Group,
-    /// Accepted photographs the fit has taken over.
+    /// Accepted photographs that the fit has received.
     pub fitted: usize,
-    /// How long the fit may work.
+    /// Limits of the work on each photograph.
     pub budget: Budget,
-    /// Whether the budget ended the fit before its time.
+    /// Whether the budget ended the fit early.
     pub cut: bool,
-    /// Set for ever by a fault of the fit.
+    /// The fault that ended the fit; never cleared.
     pub failed: Option<String>,
     pub revision: Revision,
-    /// The latest survey; and photographs and whether the fit had settled when one was asked for.
+    /// The latest survey.
     pub survey: Option<Arc<Survey>>,
+    /// Number of photographs at the latest request for a survey, and whether the fit had settled.
     pub surveyed: Option<(usize, bool)>,
-    /// What probes refer to.
+    /// The view that probes refer to.
     pub next: Option<NextView>,
 }
 
@@ -53,7 +54,7 @@ impl State {
         self.revision.maps += 1;
     }
 
-    /// Whether the fit has taken all photographs over.
+    /// Whether the fit has received all photographs.
     pub fn is_current(&self) -> bool {
         self.fitted == self.progress.photos
     }
@@ -68,13 +69,12 @@ impl State {
 }
 
 impl Shared {
-    /// The state. A panic elsewhere never locks callers out: faults are kept in `failed`.
+    /// The state. A poisoned lock is ignored: faults are kept in `failed`.
     pub fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Wakes those who wait. Taking the lock makes sure that none of them is between looking at a
-    /// flag and going to sleep.
+    /// Wakes waiting callers. Taking the lock ensures that none of them is between its check of a flag and its sleep.
     pub fn notify(&self) {
         self.lock().revision.state += 1;
         self.changed.notify_all();

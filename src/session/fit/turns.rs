@@ -1,4 +1,4 @@
-//! The estimate and what is done with it, turn by turn: jobs, and steps between them.
+//! The estimate of a session, and its turns: a job of a caller or a step of the optimiser.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -18,37 +18,37 @@ use crate::session::survey::{Candidate, NextView, Survey};
 use crate::threads::Pool;
 use crate::{Rejection, Result, Svbrdf};
 
-/// What a caller asks of the fit, done between two steps.
+/// A request of a caller, carried out between two steps.
 pub type Job = Box<dyn FnOnce(&mut Fit) -> Result<()> + Send>;
 
 /// Shortest time between two published sets of maps.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
-/// The same in units of the time that it took to make the latest.
+/// The same in units of the time that the latest maps took.
 const PUBLISH_SHARE: u32 = 20;
 
-/// What a turn may do.
+/// Permitted work of a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Work {
-    /// The next job, waited for where there is nothing else to do; else a step.
+    /// The next job, otherwise a step. Waits for a job if there is no step to do.
     Wait,
-    /// The next job; where there is none, a step.
+    /// The next job, otherwise a step.
     Step,
     /// The next job.
     Jobs,
 }
 
-/// What a turn has done.
+/// Result of a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
     /// A job or a step.
     Worked,
-    /// There was nothing to do.
+    /// Nothing was to be done.
     Idle,
-    /// The session was cancelled or dropped, or has failed: there is no further turn.
+    /// The session was cancelled, dropped, or has failed; no turn follows.
     Ended,
 }
 
-/// The estimate with all that it takes to go on with it, turn by turn.
+/// The estimate, the rectified photographs, and the state between turns.
 pub struct Fit {
     pub shared: Arc<Shared>,
     pub pool: Arc<Pool>,
@@ -58,13 +58,13 @@ pub struct Fit {
     /// Time between two published sets of maps.
     interval: Duration,
     busy: bool,
-    /// What each photograph is rectified with; `None` for one that came rectified. The estimate has the
+    /// The conditions of each rectified photograph; `None` for one that was added rectified. The estimate owns the
     /// photographs themselves.
     made: Vec<Option<Conditions>>,
 }
 
 impl Fit {
-    /// The fit of an estimate, whose photographs were rectified with these.
+    /// The fit of an estimate. `made` has the conditions of its photographs.
     pub fn new(
         pool: Arc<Pool>,
         estimation: Estimation,
@@ -77,23 +77,24 @@ impl Fit {
         Self { shared, pool, estimation, meter, published, interval, busy, made }
     }
 
-    /// The photographs as they are rectified.
+    /// The rectified photographs.
     pub fn observations(&self) -> Vec<Observation> {
         (0..self.made.len()).map(|index| self.estimation.observation(index)).collect()
     }
 
-    /// A photograph and what it is rectified with.
+    /// A rectified photograph with its conditions.
     pub fn rectified(&self, index: usize) -> Rectified {
         let observation = self.estimation.observation(index);
         Rectified { conditions: self.made[index], observation }
     }
 
-    /// Work on the latest photograph against the budget; none where it is not done.
+    /// The work on the latest photograph so far; none before the fit has finished, since it is repeated after
+    /// restoring.
     pub fn meter(&self) -> Meter {
         if self.busy { Meter::new(self.meter.budget) } else { self.meter.clone() }
     }
 
-    /// Shows maps and the state of an estimate that goes on with them. `next`: what probes refer to.
+    /// Publishes maps and state of a new or restored estimate. `next` is the view that probes refer to.
     pub fn show(
         &self,
         maps: Option<Svbrdf>,
@@ -121,7 +122,7 @@ impl Fit {
         state.regroup(|group| group.anew(photos, share));
     }
 
-    /// One turn; faults end up in [`Shared`].
+    /// One turn. Errors and panics are kept in [`Shared`].
     pub fn turn(&mut self, jobs: &Receiver<Job>, work: Work) -> Turn {
         let turn = catch_unwind(AssertUnwindSafe(|| self.try_turn(jobs, work)));
         let message = match turn {
@@ -150,7 +151,7 @@ impl Fit {
             jobs.try_recv()
         };
         match job {
-            // The session may be cancelled by a call that occupies the threads of the pool.
+            // The call that cancelled the session may occupy the threads of the pool.
             Ok(_) if self.shared.cancelled.load(Ordering::Relaxed) => return Ok(Turn::Ended),
             Ok(job) => job(self)?,
             Err(TryRecvError::Empty) if idle || work == Work::Jobs => return Ok(Turn::Idle),
@@ -160,8 +161,8 @@ impl Fit {
         Ok(Turn::Worked)
     }
 
-    /// Adds a photograph, the first with the maps to start from, and rectifies the earlier ones as they are wanted.
-    /// One that cannot be rectified so stays as it was.
+    /// Adds a photograph, the first with the maps to start from, and rectifies the earlier ones again. One that cannot
+    /// be rectified under its new conditions stays as it was.
     pub fn add(
         &mut self,
         added: Rectified,
@@ -169,7 +170,7 @@ impl Fit {
         restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        // One after the other: each old one is freed as it is replaced.
+        // One by one, so that each old one is freed as it is replaced.
         for (index, wanted) in earlier.into_iter().enumerate() {
             let mut rectified = self.rectified(index);
             if rectified.remake(&wanted, false) == Ok(true) {
@@ -191,8 +192,8 @@ impl Fit {
         Ok(())
     }
 
-    /// Begins anew without a photograph, the others rectified as wanted from now on; or says which of them
-    /// cannot be, by its number so far, and has changed nothing.
+    /// Starts again without a photograph, with the others rectified as `wanted`. If one of them cannot be rectified,
+    /// returns its present index and the rejection, and changes nothing.
     pub fn remove(
         &mut self,
         index: usize,
@@ -222,8 +223,8 @@ impl Fit {
         Ok(Ok(()))
     }
 
-    /// By how much a photograph from each of some places would lower the expected error; probes refer to the
-    /// best of them until the next photograph comes.
+    /// Estimates how much a photograph from each of some places would lower the expected error. Probes refer to the
+    /// best place until the next photograph is added.
     pub fn survey(&mut self, candidates: &[Candidate], settled: bool) -> Result<Survey> {
         let place = |candidate: &Candidate| Place {
             camera_mm: candidate.camera_mm.as_vec3().to_array(),
@@ -240,7 +241,7 @@ impl Fit {
         Ok(survey)
     }
 
-    /// Takes a changed budget over; a fit that was cut short may go on.
+    /// Applies a changed budget. A fit that the budget had ended may continue.
     pub fn follow_budget(&mut self) {
         let budget = self.shared.lock().budget;
         let changed = self.meter.budget != budget;
@@ -276,7 +277,7 @@ impl Fit {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
         let mut state = self.shared.lock();
-        // A photograph that was added meanwhile adds to this work: its progress is no longer reported.
+        // A photograph was added meanwhile: the fraction of this work alone would be too high.
         let is_current = state.is_current();
         if is_current {
             state.regroup(|group| group.work(step.fraction));
@@ -293,7 +294,7 @@ impl Fit {
         if step.done {
             self.busy = false;
             state.cut = estimation.is_stopped_early();
-            // A photograph that was added meanwhile is still on its way.
+            // Photographs that were accepted meanwhile.
             let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));
             state.progress.settled = is_current;

@@ -1,4 +1,4 @@
-//! Whether numbers that were read can be what a session wrote.
+//! Checks the ranges of restored values: postcard reads many that no session writes.
 
 use super::format::damaged;
 use crate::Result;
@@ -6,16 +6,16 @@ use crate::calibration::CameraEstimate;
 use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::rectification::{Part, elevation};
+use crate::scene::{RectifiedFalloff, Scene};
 use crate::session::capture::{
     Board, Conditions, Given, Measured, Photograph, Placed, Rectified, Wanted,
 };
-use crate::session::settings::{RectifiedFalloff, Scene};
 
 fn require(holds: bool, what: &str) -> Result<()> {
     if holds { Ok(()) } else { Err(damaged(what)) }
 }
 
-/// What [`Session::with_networks`](crate::session::Session::with_networks) takes as it is.
+/// Checks values that [`Session::with_networks`](crate::session::Session::with_networks) does not check.
 pub(super) fn scene(scene: &Scene) -> Result<()> {
     if let Scene::Rectified { falloff: RectifiedFalloff::Given(falloff) } = scene {
         let (Falloff::None { power } | Falloff::InverseSquare { power_mm2: power }) = falloff;
@@ -24,7 +24,7 @@ pub(super) fn scene(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// A rectified photograph of the kind and of the size that is wanted.
+/// Checks kind and size of a rectified photograph.
 pub(super) fn rectified(rectified: &Rectified, wanted: &Wanted, size: [usize; 2]) -> Result<()> {
     let Rectified { conditions, observation } = rectified;
     let found = [observation.width(), observation.height()];
@@ -36,13 +36,13 @@ pub(super) fn rectified(rectified: &Rectified, wanted: &Wanted, size: [usize; 2]
     require(known, "camera, pose or light of a rectified photograph are out of range")
 }
 
-/// Where photographs were taken from that came rectified.
+/// Checks the positions of photographs that were added rectified.
 pub(super) fn given(saved: &Given) -> Result<()> {
     let possible = |placed: &Placed| placed.fault().is_none();
     require(saved.photographs.iter().all(possible), "a camera or light is out of range")
 }
 
-/// What was saved of a board, which is `fresh` but for that.
+/// Checks a saved board against a `fresh` one of the same scene.
 pub(super) fn board(fresh: &Board, saved: &Board) -> Result<()> {
     let (estimate, photographs) = (saved.estimate.as_deref(), &saved.photographs);
     require(estimate.is_none_or(CameraEstimate::is_plausible), "the camera is out of range")?;
@@ -57,7 +57,7 @@ pub(super) fn board(fresh: &Board, saved: &Board) -> Result<()> {
     require(whole && estimated_or_given, "the photographs do not match the camera")
 }
 
-/// A photograph of a board that a camera of this size took.
+/// Checks a photograph of a board, taken by a camera of this size.
 fn photograph(photograph: &Photograph, size: (u32, u32)) -> Result<()> {
     let Photograph { measured, pose, rms_px, part, conditions, .. } = photograph;
     require(is_measured(measured), "what was measured in a photograph is out of range")?;

@@ -1,8 +1,7 @@
-//! The frame of a saved session: what it is, its version, and checksums round a content that is
-//! [postcard](https://postcard.jamesmunns.com)'s.
+//! The file format of saved sessions: a header, and a content in [postcard](https://postcard.jamesmunns.com) format.
 //!
-//! `SVBRDFST`, version (`u16`), length of the content (`u64`), CRC-32 of the content, CRC-32 of these 22 bytes, all
-//! little-endian; the content.
+//! The header is `SVBRDFST`, version (`u16`), length of the content (`u64`), CRC-32 of the content, and CRC-32 of these
+//! 22 bytes, all little-endian.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,17 +9,17 @@ use crate::{Error, Result, StateFault};
 
 /// First bytes of a saved session.
 const MAGIC: &[u8; 8] = b"SVBRDFST";
-/// The version that is written. It counts up with every change of what [`write()`] is given; versions that a release has
-/// written stay readable by all later ones. What a newer one has written is not read.
+/// The version of the format, incremented with every change of the values that [`write()`] stores. Versions written by
+/// a release stay readable by all later ones; newer versions are refused.
 const VERSION: u16 = 1;
 const HEADER: usize = 26;
 
-/// The fault of bytes that are not what was written.
+/// The error of a damaged file.
 pub(super) fn damaged(what: impl Into<String>) -> Error {
     Error::State(StateFault::Damaged(what.into()))
 }
 
-/// What a caller's argument would be at fault for is damage here.
+/// The error of an argument as damage: the argument comes from the file.
 pub(super) fn as_damage(fault: Error) -> Error {
     match fault {
         Error::Argument { argument, message } => damaged(format!("{argument}: {message}")),
@@ -28,7 +27,7 @@ pub(super) fn as_damage(fault: Error) -> Error {
     }
 }
 
-/// Writes a value.
+/// Header and content of a value.
 pub(super) fn write(value: &impl Serialize) -> Result<Vec<u8>> {
     let fault = |fault| Error::Internal(format!("the session cannot be written: {fault}"));
     let mut bytes = postcard::to_extend(value, vec![0; HEADER]).map_err(fault)?;
@@ -36,7 +35,7 @@ pub(super) fn write(value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes the header of a content.
+/// Writes the header before a content.
 pub(super) fn seal(bytes: &mut [u8], version: u16) {
     let (header, content) = bytes.split_at_mut(HEADER);
     header[..8].copy_from_slice(MAGIC);
@@ -47,7 +46,7 @@ pub(super) fn seal(bytes: &mut [u8], version: u16) {
     header[22..].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// The content, checked.
+/// The content, after checks of header and checksums.
 pub(super) fn content(bytes: &[u8]) -> Result<&[u8]> {
     let Some((header, content)) = bytes.split_at_checked(HEADER) else {
         let begun = !bytes.is_empty() && MAGIC.starts_with(&bytes[..bytes.len().min(8)]);
@@ -79,7 +78,7 @@ pub(super) fn content(bytes: &[u8]) -> Result<&[u8]> {
     Ok(content)
 }
 
-/// Reads the value that is all of a content.
+/// Reads a value, which must take up the whole content.
 pub(super) fn read<'a, T: Deserialize<'a>>(content: &'a [u8]) -> Result<T> {
     match postcard::take_from_bytes(content) {
         Ok((value, [])) => Ok(value),

@@ -1,7 +1,7 @@
-//! A session as bytes, to go on with later or elsewhere.
+//! Saves a session as bytes and restores it.
 //!
-//! Stored: settings and scene, the measurements in the photographs with the pixels that are kept, the rectified
-//! photographs, and the latest maps with those of the latent code. A restored session repeats a fit in progress.
+//! The bytes hold settings and scene, the measurements in the photographs, the kept pixels, the rectified photographs,
+//! the latest maps, and the maps of the latent code. A restored session repeats a fit in progress.
 
 mod check;
 mod format;
@@ -14,23 +14,24 @@ use serde::{Deserialize, Serialize};
 use self::format::{as_damage, damaged};
 use super::capture::{Board, Capture, Rectified, Wanted};
 use super::fit::Fit;
-use super::settings::{Scene, Settings};
+use super::settings::Settings;
 use super::{RestoreOptions, Session, events, memory};
 use crate::Result;
 use crate::estimate::{EstimateOptions, Estimation, Meter, SavedEstimate};
 use crate::networks::Networks;
+use crate::scene::Scene;
 use crate::threads::lock;
 
-/// Most threads a saved session may ask for.
+/// Largest number of threads of a restored session.
 const MAX_THREADS: usize = 64;
 
-/// A session without what follows from this.
+/// The saved part of a session; the rest follows from it.
 #[derive(Serialize, Deserialize)]
 struct Saved<'a> {
     settings: Cow<'a, Settings>,
     scene: Cow<'a, Scene>,
     capture: Cow<'a, Capture>,
-    /// The photographs as the fit has them: rectified again from the pixels that are kept, they would differ by roundings.
+    /// The fit's photographs. Rectified again from the kept pixels, they would differ by rounding errors.
     rectified: Vec<Rectified>,
     estimate: SavedEstimate,
     meter: Meter,
@@ -47,7 +48,7 @@ impl Session {
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn save(&self) -> Result<Vec<u8>> {
-        // The photographs of the fit and of the record must be the same ones.
+        // Fit and record must have the same photographs.
         let _intake = lock(&self.intake);
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
         let capture = self.capture();
@@ -65,12 +66,12 @@ impl Session {
         })
     }
 
-    /// Continues a session that [`Session::save`] wrote, with these networks. They may be others than
-    /// before: the maps stay, and the fit continues from them.
+    /// Continues a session that [`Session::save`] wrote. The networks may differ from those of the saved session: the
+    /// maps stay, and the fit continues from them.
     ///
     /// # Errors
-    /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of another
-    /// version, [`Error::MemoryLimit`](crate::Error::MemoryLimit).
+    /// [`Error::State`](crate::Error::State) when the bytes are damaged or of a newer version;
+    /// [`Error::MemoryLimit`](crate::Error::MemoryLimit).
     pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
         let saved = format::read::<Saved>(format::content(saved)?)?;
         let Saved { settings, scene, capture, rectified, estimate, meter, loss_before } = saved;
@@ -115,7 +116,7 @@ impl Session {
     }
 }
 
-/// A rectified photograph as it was.
+/// A saved rectified photograph, after checks, with the view of the record.
 fn checked(wanted: &Wanted, mut saved: Rectified, settings: &Settings) -> Result<Rectified> {
     check::rectified(&saved, wanted, [settings.resolution; 2])?;
     if let Wanted::Given(view) = wanted {
@@ -124,7 +125,7 @@ fn checked(wanted: &Wanted, mut saved: Rectified, settings: &Settings) -> Result
     Ok(saved)
 }
 
-/// A capture without photographs, with what was saved of another of the same scene.
+/// A capture of a scene with the photographs of a saved one.
 fn resumed(fresh: Capture, saved: Capture) -> Result<Capture> {
     match (fresh, saved) {
         (Capture::Given(fresh), Capture::Given(saved)) => {

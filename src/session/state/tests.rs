@@ -59,7 +59,7 @@ fn what_was_read_is_written_to_the_same_bytes() {
     assert_eq!(session.save().unwrap().len(), example().len());
 }
 
-/// Sums are right, but what they cover is nonsense: a fault or a session, never a panic.
+/// Damaged contents under right checksums give a fault or a session, never a panic.
 #[test]
 fn nonsense_with_the_right_sums_does_no_harm() {
     let (mut taken, mut refused) = (0, 0);
@@ -69,7 +69,7 @@ fn nonsense_with_the_right_sums_does_no_harm() {
         use proptest::strategy::ValueTree;
         let (place, kind, value) = strategy.new_tree(&mut runner).unwrap().current();
         let mut bytes = example().to_vec();
-        // Beginnings hold what steers, ends are pixels.
+        // Lengths and options lie at the beginning, pixels at the end.
         let reach = if round % 2 == 0 { bytes.len() } else { 8000 };
         let at = (26 + place.index(reach)).min(bytes.len() - 1);
         match kind {

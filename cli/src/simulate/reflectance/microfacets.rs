@@ -27,7 +27,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// That of an exponent above 1.5, below which the mean slope is infinite; `None`: Beckmann.
+    /// Facets with an exponent above 1.5, below which the mean slope is infinite; `None`: Beckmann.
     pub fn new(exponent: Option<f64>) -> Self {
         let place = |i: f64| i / ENTRIES as f64;
         // mass of each interval of a / (1 + a), `p` being known but for its scale
@@ -131,7 +131,7 @@ mod tests {
         }
     }
 
-    /// What defines Smith's masking: the visible facets cover the surface as seen, no more, no less.
+    /// The definition of Smith's masking: the visible facets cover exactly the visible surface.
     #[test]
     fn visible_facets_cover_what_is_seen() {
         for tails in TAILS {

@@ -1,5 +1,5 @@
-//! What materials reflect, computed apart from the library: with exact Smith masking, and with lobes
-//! that its isotropic GGX cannot make.
+//! Reflectance of materials, independent of the library's: with exact Smith masking, and with lobes that its
+//! model does not have.
 //!
 //! ```text
 //! f = ((diffuse + D F G / (4 NoL NoV)) (1 - max(s) E) + s Ds Vs) (1 - w Fc) + w Dc Fc Gc / (4 NoL NoV)
@@ -35,9 +35,9 @@ pub struct Texel {
     pub roughness: f64,
     /// On the sample, mm.
     pub place: DVec2,
-    /// Of the maps, in place of the model's.
+    /// Anisotropy of the maps, which replaces the model's.
     pub anisotropy: Option<Alphas>,
-    /// Of the maps, in place of the model's; its normal is that of the base.
+    /// Coat of the maps, which replaces the model's; its normal is that of the base.
     pub coat: Option<Coat>,
     /// Of the maps, in place of the model's.
     pub sheen: Option<Sheen>,
@@ -50,11 +50,11 @@ pub struct Alphas {
     pub across: f64,
 }
 
-/// Reflects as a model says.
+/// Reflectance of a model.
 pub struct Reflectance {
     model: Model,
     facets: Facets,
-    /// Those of a coat.
+    /// Facets of a coat.
     ggx: Facets,
 }
 
@@ -150,7 +150,7 @@ impl Reflectance {
         })
     }
 
-    /// What a coat reflects, times the cosine, and the share that it lets pass both ways.
+    /// A coat's reflectance times the cosine, and its transmittance both ways.
     fn coat(&self, coat: &Coat, to: [DVec3; 2], level: DVec3) -> (f64, f64) {
         let Some(directions) = Directions::new(to, level, DVec3::X) else { return (0.0, 1.0) };
         let reflected = coat.weight * directions.fresnel(COAT_F0);
@@ -201,7 +201,7 @@ mod tests {
             let (a, b) = (direction(0.7, 0.4), direction(1.1, 2.9));
             let there = reflectance.reflect(&texel, a, b)[0];
             let back = reflectance.reflect(&texel, b, a)[0];
-            // the base's cosine is what differs; a coat's lobe has the level one's
+            // Only the base has the cosine of the normal map; a coat has that of the level surface.
             let coat = model.coat.map_or([0.0; 2], |coat| {
                 [[a, b], [b, a]].map(|to| reflectance.coat(&coat, to, texel.level).0)
             });
@@ -212,8 +212,8 @@ mod tests {
         }
     }
 
-    /// No more leaves than came: of a metal that absorbs nothing, and of a white base. A metal loses
-    /// what is scattered twice, most with long tails at grazing angles.
+    /// No more light leaves than arrives: of a metal that absorbs nothing, and of a white base. A metal loses light
+    /// that is scattered twice, most with long tails at grazing angles.
     #[test]
     fn lobes_create_no_energy() {
         for model in models() {

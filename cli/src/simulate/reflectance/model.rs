@@ -1,4 +1,4 @@
-//! What a material shows beyond one lobe of isotropic GGX on a Lambertian base, drawn at random.
+//! Random reflectance beyond one lobe of isotropic GGX on a Lambertian base.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -56,27 +56,27 @@ const SEEDED: u64 = 9;
 /// A second, wider lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Haze {
-    /// Share of the F0 that is its.
+    /// Its share of F0.
     pub share: f64,
-    /// Its alpha over the first lobe's.
+    /// Its alpha relative to that of the first lobe.
     pub alpha: f64,
 }
 
-/// A dielectric layer of F0 0.04 over the base, which is dimmed by what the layer reflects.
+/// A dielectric layer of F0 0.04 over the base. Its reflection dims the base.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Coat {
     /// 0 to 1.
     pub weight: f64,
-    /// Of its lobe, GGX.
+    /// Alpha of its GGX lobe.
     pub alpha: f64,
 }
 
 /// Stripes across which the direction turns by a quarter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Stripes {
-    /// Of one.
+    /// Width of a stripe.
     pub width_mm: f64,
-    /// In which they follow each other, from +X towards +Y, radians.
+    /// Direction across the stripes, from +X towards +Y, radians.
     pub azimuth: f64,
 }
 
@@ -87,7 +87,7 @@ pub struct Anisotropy {
     pub ratio: f64,
     /// Direction of the lesser alpha from +X towards +Y, radians.
     pub azimuth: f64,
-    /// Where there are two directions.
+    /// Stripes of two directions, if there are two.
     pub stripes: Option<Stripes>,
 }
 
@@ -106,7 +106,7 @@ impl Anisotropy {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Model {
     pub lobe: Lobe,
-    /// Of Student's t distribution of slopes: 2 is GGX; `None`: Beckmann.
+    /// Exponent of Student's t distribution of slopes: 2 is GGX; `None`: Beckmann.
     pub tail_exponent: Option<f64>,
     pub haze: Option<Haze>,
     /// Standard deviation of the angle of diffuse facets, radians; 0: Lambert.
@@ -118,7 +118,7 @@ pub struct Model {
 }
 
 impl Lobe {
-    /// That of a seed: nine in a row have each kind but sheen once.
+    /// The lobe of a seed. Consecutive seeds have all kinds but sheen in turn.
     pub fn of(seed: u64) -> Self {
         Self::value_variants()[(seed % SEEDED) as usize]
     }
@@ -174,7 +174,7 @@ impl Model {
 mod tests {
     use super::*;
 
-    /// Each kind has what its name says and nothing else.
+    /// Each kind differs in the property of its name alone.
     #[test]
     fn kinds_differ_from_ggx_in_one_thing() {
         let mut random = Random::new(3);

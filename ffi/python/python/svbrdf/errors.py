@@ -1,4 +1,4 @@
-"""What can go wrong. A photograph that cannot be used is no error: ``Session.add_photo`` returns ``Rejected``."""
+"""Exceptions. A photograph that cannot be used is no error: ``Session.add_photo`` returns ``Rejected``."""
 
 from __future__ import annotations
 

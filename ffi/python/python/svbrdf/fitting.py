@@ -28,7 +28,7 @@ _LOOK = 0.1
 
 @dataclass(frozen=True)
 class PhotoReport:
-    """What became of a photograph."""
+    """The report of a photograph."""
 
     #: The file, or the number among the photographs given, from 0.
     source: str | int
@@ -39,7 +39,7 @@ class PhotoReport:
     code: str = ""
     #: Why not, as a sentence. Empty where accepted.
     message: str = ""
-    #: What else there is to tell about it.
+    #: Hints about it.
     hints: tuple[Hint, ...] = ()
     #: Reprojection error of the board, px.
     reprojection_rms_px: float | None = None
@@ -59,7 +59,7 @@ class FitProgress:
     loss: float
     #: Seconds left on this photograph, if known.
     seconds_left: float | None
-    #: What became of the photographs so far.
+    #: Reports of the photographs so far.
     so_far: tuple[PhotoReport, ...] = ()
 
 

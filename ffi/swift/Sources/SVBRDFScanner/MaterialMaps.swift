@@ -30,7 +30,7 @@ public enum MapKind: Hashable, Sendable, CaseIterable {
     }
 }
 
-/// What a material shows beside the maps that all have.
+/// Optional lobes of a material.
 public struct Lobes: OptionSet, Hashable, Sendable {
     public let rawValue: UInt32
 

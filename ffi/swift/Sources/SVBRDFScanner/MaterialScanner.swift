@@ -51,8 +51,8 @@ public actor MaterialScanner {
         }
     }
 
-    /// Judges an image of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
-    /// with every image; the info's time says when it was taken. After `.shoot` it asks to hold until
+    /// Judges an image of the preview and returns the next action: hold, move there, shoot now, or enough. Call it
+    /// with every image and its time in the info. After `.shoot` it asks to hold until
     /// the photo has been added.
     public func guide(_ preview: Photo, _ info: PhotoInfo) throws -> Guidance {
         try preview.with(info) { image, info in
@@ -93,8 +93,8 @@ public actor MaterialScanner {
         }
     }
 
-    /// Takes in a photo that is a file, with what it says of how it was taken. One that is damaged, or of
-    /// a format that is not read, throws `.invalidArgument` with its name.
+    /// Adds a photo from a file, with its metadata. A file that is damaged, or of an unsupported format, throws
+    /// `.invalidArgument` with its name.
     public func addPhoto(_ file: PhotoFile) throws -> (outcome: Outcome, info: FileInfo) {
         try file.add(to: session)
     }
@@ -111,8 +111,8 @@ public actor MaterialScanner {
         return (fit.residual, fit.weight, fit.outlier == 1)
     }
 
-    /// What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
-    /// hold no longer, and others may. Ask once the fit has settled.
+    /// Hints about the accepted photos from all present knowledge. Hints given when a photo was added may no longer
+    /// hold, and others may. Meaningful once the fit has settled.
     public func hints() throws -> [PhotoHint] {
         var all: [PhotoHint] = []
         let add: svbrdf_hint_callback = { to, index, code, text in

@@ -91,7 +91,7 @@ public struct Plane {
     }
 }
 
-/// An image in memory that nobody writes to meanwhile, which is what makes it sendable.
+/// An image in memory. It is sendable because nobody writes to it.
 public final class Photo: @unchecked Sendable {
     public let format: PixelFormat
     public let width: Int
@@ -159,7 +159,7 @@ public final class Photo: @unchecked Sendable {
     }
 }
 
-/// What lit a photo.
+/// The light of a photo.
 public enum Flash: Hashable, Sendable {
     case unknown, off, fired, torch
 
@@ -173,7 +173,7 @@ public enum Flash: Hashable, Sendable {
     }
 }
 
-/// What is known about a photo.
+/// Metadata of a photo.
 public struct PhotoInfo: Sendable {
     /// Exposure time times sensitivity over that of the first photo (with a torch).
     public var exposure: Float = 1

@@ -6,7 +6,7 @@ public struct PhotoFile: Sendable {
     public var content: Data
     /// Relative exposure; nil: that of the metadata.
     public var exposure: Float?
-    /// Curve of the values; nil: what the file says.
+    /// Curve of the values; nil: that of the file.
     public var transfer: Transfer?
     /// How far the upright image is turned clockwise, degrees; the camera describes the turned image.
     public var rotation: Int
@@ -23,7 +23,7 @@ public struct PhotoFile: Sendable {
         (self.rotation, self.maxPixels, self.maxBytes) = (rotation, maxPixels, maxBytes)
     }
 
-    /// What the file says of how it was taken, without reading its pixels.
+    /// The metadata of the file, without reading its pixels.
     public func lookAt() throws -> FileInfo {
         var info = try filled(svbrdf_file_info(), svbrdf_file_info_init)
         try content.withUnsafeBytes { bytes in
@@ -49,7 +49,7 @@ public struct PhotoFile: Sendable {
     }
 }
 
-/// What is to be said about a photo's file.
+/// Remarks about a photo's file.
 public struct FileRemarks: OptionSet, Hashable, Sendable {
     public let rawValue: UInt32
 
@@ -57,7 +57,7 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
         self.rawValue = rawValue
     }
 
-    /// What it says of its colours cannot be used; it was taken as sRGB.
+    /// Its colour metadata cannot be used; it was read as sRGB.
     public static let profileUnusable = Self(rawValue: UInt32(SVBRDF_REMARK_PROFILE_UNUSABLE))
     /// It has a gain map (Ultra HDR), which is left out.
     public static let gainMap = Self(rawValue: UInt32(SVBRDF_REMARK_GAIN_MAP))
@@ -73,7 +73,7 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
     public static let gray = Self(rawValue: UInt32(SVBRDF_REMARK_GRAY))
 }
 
-/// What a photo's file says of how it was taken; what is not known is 0 or empty. Photos that differ in
+/// Metadata of a photo's file; unknown values are 0 or empty. Photos that differ in
 /// maker, model, lens, focal lengths, zoom or size need scanners of their own.
 public struct FileInfo: Hashable, Sendable {
     /// As the sensor has it, px.

@@ -7,7 +7,7 @@ extension Photo {
     /// stays locked for reading, and the camera's, as long as the photo lives.
     ///
     /// Primaries, transfer function and matrix are those of its attachments where they are not stated.
-    /// ITU-R BT.709's and unknown curves are taken as sRGB's: what a phone makes on top of either is
+    /// ITU-R BT.709's and unknown curves are taken as sRGB's: the phone's further tone mapping is
     /// estimated from the board.
     public convenience init(
         _ buffer: CVPixelBuffer, transfer: Transfer? = nil, primaries: Primaries? = nil,

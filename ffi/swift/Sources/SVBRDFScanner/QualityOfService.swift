@@ -2,8 +2,8 @@
 import Darwin
 import SVBRDF
 
-/// Gives the library's threads the priorities of what they do: the fit works on while the user looks at
-/// something else; taking photos in and calling back is waited for. Once, before the first scanner.
+/// Sets the priorities of the library's threads: the fit works in the background; the user waits for photos to be
+/// added and for callbacks. Call it once, before the first scanner.
 public func setQualityOfService() {
     svbrdf_set_thread_hook({ _, thread in
         let background = thread == svbrdf_thread(SVBRDF_THREAD_WORK) || thread == svbrdf_thread(SVBRDF_THREAD_FIT)

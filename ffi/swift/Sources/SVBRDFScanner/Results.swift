@@ -27,7 +27,7 @@ public struct Rejection: RawRepresentable, Hashable, Sendable {
     public static let squaresTooSmall = Self(rawValue: UInt32(SVBRDF_REJECTION_SQUARES_TOO_SMALL))
 }
 
-/// What an accepted photo could do better.
+/// Hints about an accepted photo.
 public struct Hints: OptionSet, Hashable, Sendable {
     public let rawValue: UInt32
 
@@ -48,7 +48,7 @@ public struct PhotoHint: Hashable, Sendable {
     public let index: Int
     /// Stable name for programs, such as "two_groups".
     public let code: String
-    /// An English sentence: what was seen, with its figure, and what to do.
+    /// An English sentence: the observation with its figure, and the remedy.
     public let text: String
 }
 
@@ -65,7 +65,7 @@ public struct Pose: Hashable, Sendable {
     }
 }
 
-/// What the value of a rejection measures, and its unit.
+/// The quantity of a rejection's value, and its unit.
 public struct Measure: RawRepresentable, Hashable, Sendable {
     public let rawValue: UInt32
 
@@ -101,10 +101,10 @@ public struct Figure: Hashable, Sendable {
     public let limit: Float
 }
 
-/// What became of a photo.
+/// The outcome of a photo.
 public enum Outcome: Hashable, Sendable {
     case accepted(index: Int, hints: Hints, pose: Pose?, advice: String)
-    /// The scan is as if it had not come. `advice` is for the user; `figure` is what the reason is about.
+    /// The scan is unchanged. `advice` is for the user; `figure` has the values of the reason.
     case rejected(Rejection, figure: Figure, advice: String)
 
     init(_ report: svbrdf_photo_report) {
@@ -126,7 +126,7 @@ public enum Outcome: Hashable, Sendable {
     }
 }
 
-/// What a photo or an image of the preview would be good for.
+/// The verdict on a photo or an image of the preview.
 public struct Probe: Hashable, Sendable {
     public let acceptable: Bool
     /// Why it would be rejected.
@@ -170,10 +170,10 @@ public struct Probe: Hashable, Sendable {
     }
 }
 
-/// What to do now, see `MaterialScanner.guide`.
+/// The next action, see `MaterialScanner.guide`.
 public struct Guidance: Hashable, Sendable {
     public enum Action: Hashable, Sendable {
-        /// Put right what the probe's `rejection` names: a photo would be rejected.
+        /// Correct the fault that the probe's `rejection` names: a photo would be rejected.
         case adjust
         /// Keep the camera where it is: until it is steady, or a photo has been taken in.
         case hold
@@ -257,7 +257,7 @@ public struct Progress: Hashable, Sendable {
     public let settled: Bool
     /// Fraction of the work that is done, 0 to 1: on the photos of `MaterialScanner.announce`, else on the latest.
     public let fraction: Float
-    /// What the fit does, in a word of English; empty where nothing is done.
+    /// The phase of the fit, an English word; empty when it has nothing to do.
     public let phase: String
     /// Rises with every new set of maps.
     public let mapsRevision: UInt64

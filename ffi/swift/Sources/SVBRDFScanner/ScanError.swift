@@ -1,6 +1,6 @@
 import SVBRDF
 
-/// What the library answers, by the number it has in C.
+/// Status of the library, by its number in C.
 public struct ScanStatus: RawRepresentable, Hashable, Sendable {
     public let rawValue: Int32
 
@@ -58,7 +58,7 @@ extension ScanError: CustomStringConvertible {
     public var description: String { "\(status): \(message)" }
 }
 
-/// Throws what a call has met.
+/// Throws the fault of a call.
 func check(_ status: svbrdf_status) throws {
     if status != SVBRDF_OK { throw ScanError(status) }
 }

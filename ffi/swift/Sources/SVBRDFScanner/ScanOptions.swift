@@ -1,6 +1,6 @@
 import SVBRDF
 
-/// What the photos show and how maps are made. Lengths are in millimetres.
+/// Scene of the photos, and settings of the maps. Lengths are in millimetres.
 public struct ScanOptions: Sendable {
     public var widthMM: Float = 100
     public var heightMM: Float = 100

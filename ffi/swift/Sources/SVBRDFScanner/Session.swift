@@ -1,7 +1,7 @@
 import Foundation
 import SVBRDF
 
-/// What callbacks hand on. Slow readers see the latest, never a queue.
+/// Values of callbacks. Slow readers see the latest, never a queue.
 final class Listener: Sendable {
     let progress: AsyncStream<Progress>.Continuation
     let maps: AsyncStream<Void>.Continuation
@@ -11,8 +11,7 @@ final class Listener: Sendable {
     }
 }
 
-/// A session of C. Its functions may be called from any thread at any time, which is what makes it
-/// sendable.
+/// A session of C. It is sendable because its functions may be called from any thread at any time.
 final class Session: @unchecked Sendable {
     let handle: OpaquePointer
     private let listener: Unmanaged<Listener>
@@ -53,7 +52,7 @@ final class Session: @unchecked Sendable {
     }
 }
 
-/// Waits for what becomes of a photo.
+/// Waits for the outcome of a photo.
 final class Answer: Sendable {
     private let continuation: CheckedContinuation<Outcome, any Error>
 

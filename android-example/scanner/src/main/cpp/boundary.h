@@ -1,5 +1,5 @@
 /*
- * What the files of this library share: text, arrays and faults across the boundary, callbacks.
+ * Helpers of the files of this library: text, arrays and faults across the boundary, callbacks.
  *
  * Handles cross as numbers: the library gives none out twice and answers stale ones with a status,
  * so nothing here can touch freed memory. `owner` arguments only keep the object that owns the
@@ -28,7 +28,7 @@ jbyteArray to_bytes(JNIEnv *env, const char *text);
 /* NULL and an exception where they are too many. */
 jbyteArray to_array(JNIEnv *env, const void *data, size_t bytes);
 
-/* Throws what this thread's latest call has met; 0 when it was done. */
+/* Throws the fault of this thread's latest call; returns 0 if it succeeded. */
 int throw_status(JNIEnv *env, svbrdf_status status);
 
 /* Throws SVBRDF_INVALID_ARGUMENT; returns 1. */

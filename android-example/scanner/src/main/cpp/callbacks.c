@@ -31,7 +31,7 @@ static JNIEnv *environment(void)
     return env;
 }
 
-/* What callbacks throw, Native.kt has dealt with; this is for what it may throw itself. */
+/* Native.kt handles exceptions of callbacks; this handles its own. */
 static void dismiss(JNIEnv *env)
 {
     if ((*env)->ExceptionCheck(env)) {

@@ -97,7 +97,7 @@ static int read_lit(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray
     return 0;
 }
 
-/* A photo and what is known about it; `dark` has the one without flash, if there is one. */
+/* A photo and its metadata; `dark` has the one without flash, if there is one. */
 static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                       jfloat focal_35mm, jintArray dark_ints, jobjectArray dark_planes,
@@ -118,7 +118,7 @@ static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     return 0;
 }
 
-/* What to tell the user; empty where there is nothing to tell. */
+/* Advice for the user; may be empty. */
 static jbyteArray session_add_photo(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
@@ -159,7 +159,7 @@ static jbyteArray session_add_photo(JNIEnv *env, jclass class, jobject owner, jl
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
 }
 
-/* What a file says, as PhotoFile.kt takes it apart: 1 and an exception where that fails. */
+/* The metadata of a file in the order of PhotoFile.kt; 1 and an exception on failure. */
 static int give_info(JNIEnv *env, const svbrdf_file_info *info, jdoubleArray out,
                      jobjectArray names)
 {
@@ -306,7 +306,7 @@ static void fill_probe(const svbrdf_probe *probe, jdouble out[PROBE])
     out[43] = probe->measure;
 }
 
-/* What to tell the user; empty where there is nothing to tell. */
+/* Advice for the user; may be empty. */
 static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                 jintArray ints, jobjectArray planes, jlongArray layout,
                                 jfloatArray levels, jfloat exposure, jint flash, jfloat focal_35mm,
@@ -373,7 +373,7 @@ static jobjectArray texts(JNIEnv *env, const char *first, const char *second)
     return array;
 }
 
-/* What the probe has to tell, and the guidance. */
+/* The probe and the guidance as objects. */
 static jobjectArray session_guide(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                   jintArray ints, jobjectArray planes, jlongArray layout,
                                   jfloatArray levels, jfloat exposure, jint flash,

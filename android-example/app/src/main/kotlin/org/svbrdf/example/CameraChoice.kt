@@ -54,7 +54,7 @@ class CameraChoice private constructor(
             format == ImageFormat.RAW_SENSOR -> sizes.getOutputSizes(format).maxBy { it.width }
             // Three megapixels of four by three: enough for 1024 texels, quick to calibrate.
             isManual -> yuv.nearest(2016, 0.75)
-            // What every camera gives beside a preview.
+            // Every camera supports this size beside a preview.
             else -> yuv.filter { it.width <= 1920 && it.height <= 1080 }.nearest(1440, 0.75)
         }
         // 640 x 480 goes with any size of photos on cameras with manual settings.
@@ -64,7 +64,7 @@ class CameraChoice private constructor(
     }
 
     /** Clockwise turn from the sensor's picture to how the screen shows it. */
-    @Suppress("DEPRECATION") // What replaces it came with API 30.
+    @Suppress("DEPRECATION") // Its replacement came with API 30.
     fun turn(activity: Activity): Int {
         val upright = characteristics[CameraCharacteristics.SENSOR_ORIENTATION] ?: 90
         // The screen turns against the phone. Rotations count its quarters.

@@ -38,7 +38,7 @@ class FlashCamera(
     private val listener: Listener,
 ) {
     interface Listener {
-        /** A photo and what the camera says about it; the receiver closes it. */
+        /** A photo with the camera's metadata; the receiver closes it. */
         fun onShot(shot: Shot)
 
         /** The photo that was asked for will not come. */
@@ -67,7 +67,7 @@ class FlashCamera(
     /** A photo with its settings. */
     class Shot(image: Image, val result: TotalCaptureResult, camera: FlashCamera) : Look(image, camera)
 
-    /** What every photo is taken with; without numbers: what the camera had found, held. */
+    /** Settings of every photo; without numbers, those that the camera had found are held. */
     private class Settings(
         val exposureNs: Long,
         val sensitivity: Int,
@@ -174,7 +174,7 @@ class FlashCamera(
         }
     }
 
-    @Suppress("DEPRECATION") // What replaces it came with API 28.
+    @Suppress("DEPRECATION") // Its replacement came with API 28.
     private fun configure(camera: CameraDevice, surface: Surface) {
         val targets = listOf(surface, looks.surface, photos.surface).distinct()
         camera.createCaptureSession(targets, object : CameraCaptureSession.StateCallback() {
@@ -236,7 +236,7 @@ class FlashCamera(
             CameraMetadata.CONTROL_VIDEO_STABILIZATION_MODE_OFF
         request[CaptureRequest.LENS_OPTICAL_STABILIZATION_MODE] =
             CameraMetadata.LENS_OPTICAL_STABILIZATION_MODE_OFF
-        // The library undoes distortion itself; what the camera undoes, it does not tell.
+        // The library corrects distortion itself; the camera does not report its own correction.
         choice.requestKey<Int>("android.distortionCorrection.mode")?.let { request[it] = 0 }
         val settings = locked
         if (settings == null || !settings.isLinear) {
@@ -287,7 +287,7 @@ class FlashCamera(
         choice.requestKey<Int>(BOOST)?.let { request[it] = settings.boost }
     }
 
-    /** Steps of automatic exposure: highlights need room above what it aims at. */
+    /** Steps of automatic exposure: highlights need room above its target. */
     private fun compensation(): Int {
         val step = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_STEP]?.toDouble() ?: 0.0
         val range = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_RANGE]
@@ -373,7 +373,7 @@ class FlashCamera(
         repeat()
     }
 
-    /** Exposure in stops and focus in dioptres relative to what was locked. */
+    /** Exposure in stops and focus in dioptres relative to the locked values. */
     fun adjust(stops: Float, focusShift: Float) {
         this.stops = if (choice.isManual) stops - 1f else stops
         this.focusShift = focusShift
@@ -466,9 +466,7 @@ class FlashCamera(
         }
     }
 
-    /**
-     * Ends the camera, and returns when it has let go of its surfaces; pictures handed out stay valid until closed.
-     */
+    /** Ends the camera, and returns when it has let go of its surfaces; pictures handed out stay valid until closed. */
     fun close() {
         handler.post {
             closed = true

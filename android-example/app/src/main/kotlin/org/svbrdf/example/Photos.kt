@@ -20,7 +20,7 @@ val FlashCamera.Look.isYuv get() = image.format != ImageFormat.RAW_SENSOR
 
 /** The picture where it lies, in the camera's memory: valid until the image is closed. */
 fun FlashCamera.Look.photo(): Photo {
-    // A tone curve that cannot be turned off is close to sRGB's; the library finds out what is left of it.
+    // A tone curve that cannot be turned off is close to sRGB's; the library estimates the difference.
     val transfer = if (isLinear) Transfer.LINEAR else Transfer.SRGB
     return Photo(PixelFormat.YUV420, image.width, image.height, planes(), transfer)
 }

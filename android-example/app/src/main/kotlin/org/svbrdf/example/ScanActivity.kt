@@ -91,7 +91,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         }
     }
 
-    // What androidx's ViewModels are kept by; deprecated in old SDKs alone.
+    // As androidx keeps its ViewModels; deprecated in old SDKs alone.
     @Suppress("OVERRIDE_DEPRECATION")
     override fun onRetainNonConfigurationInstance(): Any = model
 
@@ -334,7 +334,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         }
     }
 
-    /** What an accepted photo could do better. */
+    /** Advice about an accepted photo. */
     private fun words(accepted: Outcome.Accepted): List<String> = accepted.hints.map { hint ->
         when (hint) {
             Hint.NOTHING_NEW ->

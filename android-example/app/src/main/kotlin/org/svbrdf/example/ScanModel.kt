@@ -23,16 +23,16 @@ import org.svbrdf.scanner.Outcome
 import org.svbrdf.scanner.ScanOptions
 
 /**
- * A scan, apart from the screen that shows it: photos outlive the activity's recreation. What androidx's ViewModel
- * does, without androidx; `ScanActivity` hands it on.
+ * A scan, apart from the screen that shows it: photos outlive the activity's recreation. It works as
+ * androidx's ViewModel does; `ScanActivity` hands it on.
  */
 class ScanModel(context: Context) : MaterialScanner.Listener {
-    /** What shows a scan; called on the main thread. */
+    /** The screen of a scan; called on the main thread. */
     interface Screen {
         /** A photo was taken in, or not. */
         fun onOutcome(outcome: Outcome, camera: Camera?)
 
-        /** What to do by the latest picture of the preview. */
+        /** The guidance for the latest picture of the preview. */
         fun onGuidance(guidance: Guidance, width: Int, height: Int)
 
         fun onProgress(progress: Progress)
@@ -62,7 +62,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
     // Of `work`.
     private var firstExposure = 0.0
 
-    /** Exposure and strength of the lamp of each photo in the scan, a line each, goes with what is shared. */
+    /** Exposure and strength of the lamp of each photo in the scan, a line each; shared with the maps. */
     val record get() = File(files, "photos.csv")
 
     init {

@@ -73,7 +73,7 @@ class ShareProvider : ContentProvider() {
     companion object {
         private const val AUTHORITY = "org.svbrdf.example.share"
 
-        /** What lies here can be shared. */
+        /** Folder of the shared files. */
         fun folder(context: Context) = File(context.cacheDir, "share").apply { mkdirs() }
 
         fun uri(file: File): Uri =

@@ -65,7 +65,7 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
             invalidate()
         }
 
-    /** Nothing is known of what the camera sees. */
+    /** Clears the view: there is no result for the camera's image. */
     fun clear() {
         sample = emptyList()
         way = null
@@ -73,7 +73,7 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
         good = null
     }
 
-    /** Shows what guidance says by a picture of that size, which the screen shows turned by `orientation`. */
+    /** Shows the guidance of a picture of that size, which the screen shows turned by `orientation`. */
     fun guide(guidance: Guidance, width: Int, height: Int, orientation: Int) {
         val corners = guidance.probe.view?.samplePx.orEmpty()
         sample = corners.map { (x, y) -> upright(x / width, y / height, orientation) }

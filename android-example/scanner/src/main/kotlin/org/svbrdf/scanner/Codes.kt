@@ -2,7 +2,7 @@ package org.svbrdf.scanner
 
 // The numbers of svbrdf.h.
 
-/** What a native library may have been built with. */
+/** Optional features of a build of the native library. */
 enum class Feature(internal val code: Long) {
     /** The networks are inside. */
     EMBEDDED_MODELS(1),
@@ -99,7 +99,7 @@ enum class MapKind(internal val code: Int, internal val channels: Int) {
     SHEEN_ROUGHNESS(9, 1),
 }
 
-/** What a material may show beside the maps that all have. */
+/** Optional lobes of a material. */
 enum class Lobe(internal val code: Int) {
     /** The highlight is longer in one direction: [MapKind.ANISOTROPY]. */
     ANISOTROPY(1),
@@ -146,7 +146,7 @@ enum class Page(internal val code: Int) { A4(1), LETTER(2) }
 /** Format of a printed board. */
 enum class SheetFormat(internal val code: Int) { PDF(1), SVG(2), PNG(3) }
 
-/** What the value of a rejection measures, and its unit. */
+/** The quantity of a rejection's value, and its unit. */
 enum class Measure(internal val code: Int) {
     /** Something that a newer library measures. */
     OTHER(-1),
@@ -186,7 +186,7 @@ enum class Measure(internal val code: Int) {
     }
 }
 
-/** What a thread of the library does. */
+/** Role of a thread of the library. */
 enum class ThreadRole(internal val code: Int) {
     /** Something that a newer library does. */
     OTHER(0),
@@ -220,7 +220,7 @@ enum class Method(internal val code: Int) {
 /** Light of photos from the top: how it falls off. */
 enum class Falloff(internal val code: Int) { AUTO(1), INVERSE_SQUARE(2), NONE(3) }
 
-/** What lit a photo. */
+/** The light of a photo. */
 enum class Flash(internal val code: Int) { UNKNOWN(0), OFF(1), FIRED(2), TORCH(3) }
 
 /** How much a log line matters. */
@@ -232,7 +232,7 @@ enum class LogLevel(internal val code: Int) {
     }
 }
 
-/** What a scanner is doing. */
+/** State of a scanner. */
 enum class ScanState(internal val code: Int) {
     /** Nothing: no photo yet, or the fit has settled on all photos so far. */
     READY(1), FITTING(2), PAUSED(3), CANCELLED(4),
@@ -245,7 +245,7 @@ enum class ScanState(internal val code: Int) {
     }
 }
 
-/** What a fit is doing. */
+/** Phase of a fit. */
 enum class Phase(internal val code: Int) {
     NONE(0),
 
@@ -307,7 +307,7 @@ enum class Hint(internal val code: Int) {
     }
 }
 
-/** What kind of fault a [ScannerException] is. */
+/** Kind of a [ScannerException]. */
 enum class Fault(internal val code: Int) {
     /** Three photos of [MaterialScanner.addPhotoAsync] are on their way: try again when one is through. */
     BUSY(4),
@@ -327,7 +327,7 @@ enum class Fault(internal val code: Int) {
     /** A fault inside the library; the scanner answers this from now on. */
     FAILED(-7),
 
-    /** What was to be restored is not what was saved. */
+    /** The bytes to be restored are damaged. */
     BAD_STATE(-8),
 
     /** It would need more than [ScanOptions.memoryLimitBytes]; nothing changed. */

@@ -1,11 +1,11 @@
 package org.svbrdf.scanner
 
-/** What the user is to do. */
+/** The user's next action. */
 enum class Action(internal val code: Int) {
     /** Something that a newer library may ask for: show [Guidance.message]. */
     OTHER(0),
 
-    /** Put right what [Probe.reason] names: a photo would be rejected. */
+    /** Correct the fault that [Probe.reason] names: a photo would be rejected. */
     ADJUST(1),
 
     /** Keep the camera where it is: until it is steady, or a photo has been taken in. */
@@ -25,7 +25,7 @@ enum class Action(internal val code: Int) {
     }
 }
 
-/** What to do now, see [MaterialScanner.guide]. */
+/** The next action, see [MaterialScanner.guide]. */
 class Guidance internal constructor(
     val action: Action,
     /** For the user, in English. */
@@ -75,7 +75,7 @@ class Guidance internal constructor(
     }
 }
 
-/** When guidance asks for what, see [MaterialScanner.beginGuide]. */
+/** Limits of the guidance, see [MaterialScanner.beginGuide]. */
 data class GuideOptions(
     /**
      * Gain from which on a photo is worth taking, as a share of the best view's, 0 to 1. High: fewer photos;

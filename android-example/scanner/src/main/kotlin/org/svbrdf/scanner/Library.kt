@@ -1,6 +1,6 @@
 package org.svbrdf.scanner
 
-/** What holds for the native library as a whole, in all of the process. */
+/** Settings of the native library in the whole process. */
 object Library {
     /** Called at the start of a thread, on it. */
     fun interface ThreadHook {

@@ -22,7 +22,7 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     /** Height of the sample, mm. */
     val heightMm: Float get() = size[3].toFloat()
 
-    /** What the material shows beside the maps that all have: without a lobe, its map is [Fault.NO_LOBE]. */
+    /** Optional lobes of the material; the map of another one is [Fault.NO_LOBE]. */
     val lobes: Set<Lobe>
         get() = Native.mapsLobes(this, handle.now).let { bits -> Lobe.entries.filter { bits and it.code != 0 }.toSet() }
 
@@ -65,7 +65,7 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
         )
 
     /**
-     * Standard deviation of each map as a whole, of what its errors are expected to be. For maps of
+     * Standard deviation of the expected errors of each map as a whole. For maps of
      * [MaterialScanner.snapshotWithUncertainty] only.
      */
     val uncertainty: Uncertainty

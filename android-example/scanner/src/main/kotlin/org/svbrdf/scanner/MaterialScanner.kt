@@ -7,9 +7,9 @@ import java.io.File
  * board, one photo at a time.
  *
  * Every method may be called from any thread at any time. [addPhoto] takes a fraction of a second and
- * [await] as long as the fit: call them off the main thread. What is wrong with arguments is an
- * [IllegalArgumentException]; a closed scanner an [IllegalStateException]; files an
- * [java.io.IOException]; the rest a [ScannerException]. A photo that cannot be used is no
+ * [await] as long as the fit: call them off the main thread. Wrong arguments throw an
+ * [IllegalArgumentException], a closed scanner an [IllegalStateException], files an
+ * [java.io.IOException], and all other faults a [ScannerException]. A photo that cannot be used is no
  * exception: see [Outcome.Rejected].
  */
 class MaterialScanner private constructor(
@@ -24,9 +24,9 @@ class MaterialScanner private constructor(
         this(options, listener, null)
 
     /**
-     * What a scanner calls. [onProgress] and [onMaps] come on one thread of the scanner, one at a
+     * Callbacks of a scanner. [onProgress] and [onMaps] come on one thread of the scanner, one at a
      * time: post to your own. They may call every method of the scanner, also [close], but should
-     * not [await]. What they throw goes to the thread's handler of uncaught exceptions, unless the
+     * not [await]. Their exceptions go to the thread's handler of uncaught exceptions, unless the
      * scanner was closed meanwhile.
      */
     interface Listener {
@@ -80,7 +80,7 @@ class MaterialScanner private constructor(
      */
     fun addPhoto(file: PhotoFile): PhotoFileOutcome = file.addTo(this, handle.now)
 
-    /** Called with what became of a photo; exactly one of the two is null. */
+    /** Called with the outcome of a photo; exactly one of the two is null. */
     fun interface OutcomeCallback {
         fun onOutcome(outcome: Outcome?, fault: Throwable?)
     }
@@ -155,8 +155,8 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
-     * hold no longer, and others may. Meaningful once the fit has settled.
+     * Hints about the accepted photos from all present knowledge. Hints given when a photo was added may no longer
+     * hold, and others may. Meaningful once the fit has settled.
      */
     fun hints(): List<PhotoHint> =
         Native.sessionHints(this, handle.now).toString(Charsets.UTF_8).split('\u0000')

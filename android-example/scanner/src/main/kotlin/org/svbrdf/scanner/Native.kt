@@ -7,7 +7,7 @@ import java.util.concurrent.ConcurrentHashMap
 import java.util.concurrent.atomic.AtomicLong
 
 /**
- * The functions of the C files in `cpp`, and what they call. `owner` is the object that owns the
+ * The functions of the C files in `cpp`, and those that they call. `owner` is the object that owns the
  * handle: it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
  */
 internal object Native {
@@ -159,7 +159,7 @@ internal object Native {
         guarded({ scanner.closed }) { body(scanner, listener) }
     }
 
-    /** Runs what is the app's; `excused`: whether what it throws is nobody's fault. */
+    /** Runs code of the app; `excused`: whether its exceptions are ignored. */
     private inline fun guarded(excused: () -> Boolean, body: () -> Unit) {
         try {
             body()
@@ -208,7 +208,7 @@ internal object Native {
     /** Photos on their way by the number that their callbacks name. */
     private val pending = ConcurrentHashMap<Long, Pair<Long, MaterialScanner.OutcomeCallback>>()
 
-    /** Has `done` called with what becomes of what `add` gives to the library. */
+    /** Calls `done` with the outcome of the photo that `add` gives to the library. */
     fun await(timestampNs: Long, done: MaterialScanner.OutcomeCallback, add: (Long) -> Unit) {
         val id = ids.incrementAndGet()
         pending[id] = timestampNs to done

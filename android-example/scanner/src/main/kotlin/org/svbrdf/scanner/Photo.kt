@@ -4,7 +4,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 
 /**
- * A plane of an image: what [buffer] holds from its position to its limit. Direct buffers, such as
+ * A plane of an image: the contents of [buffer] from its position to its limit. Direct buffers, such as
  * those of Android's `Image`, are read in place, others copied first. The position stays.
  */
 class Plane @JvmOverloads constructor(
@@ -15,7 +15,7 @@ class Plane @JvmOverloads constructor(
     val pixelStride: Int = 0,
 )
 
-/** What raw sensor values mean. */
+/** Description of raw sensor values. */
 class Bayer @JvmOverloads constructor(
     val pattern: BayerPattern,
     /** Value of darkness at the four places of the pattern, row by row. */
@@ -28,7 +28,7 @@ class Bayer @JvmOverloads constructor(
     val colorMatrix: FloatArray = floatArrayOf(1f, 0f, 0f, 0f, 1f, 0f, 0f, 0f, 1f),
 )
 
-/** An image in memory: what [planes] hold must stay as it is during the call it is given to. */
+/** An image in memory. The contents of [planes] must not change during the call it is given to. */
 class Photo @JvmOverloads constructor(
     val format: PixelFormat,
     val width: Int,
@@ -105,7 +105,7 @@ class Photo @JvmOverloads constructor(
         return Guidance.of(values, Probe.SIZE, message, probe)
     }
 
-    /** What crosses to the library. */
+    /** The fields as the library takes them. */
     private class Numbers(
         val ints: IntArray,
         val buffers: Array<ByteBuffer>,
@@ -182,7 +182,7 @@ class Photo @JvmOverloads constructor(
     }
 }
 
-/** What is known about a photo. */
+/** Metadata of a photo. */
 data class PhotoInfo @JvmOverloads constructor(
     /** Exposure time times sensitivity over that of the first photo (with a torch). */
     val exposure: Float = 1f,

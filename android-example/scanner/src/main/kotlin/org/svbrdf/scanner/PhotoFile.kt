@@ -3,19 +3,19 @@ package org.svbrdf.scanner
 import java.nio.ByteBuffer
 
 /**
- * A photo as a file in memory: JPEG, PNG, TIFF, OpenEXR or DNG, what [content] holds from its position
- * to its limit. Direct buffers are read in place, others copied first. The position stays.
+ * A photo as a file in memory (JPEG, PNG, TIFF, OpenEXR or DNG): [content] from its position to its
+ * limit. Direct buffers are read in place, others copied first. The position stays.
  */
 class PhotoFile @JvmOverloads constructor(
     val content: ByteBuffer,
     /** Relative exposure; 0: that of the metadata. */
     val exposure: Float = 0f,
-    /** Curve of the values; null: what the file says. */
+    /** Curve of the values; null: that of the file. */
     val transfer: Transfer? = null,
     /** How far the upright image is turned clockwise; the camera describes the turned image. */
     val rotation: Int = 0,
     val flash: Flash = Flash.UNKNOWN,
-    /** Handed back with what became of the photo. */
+    /** Returned with the outcome of the photo. */
     val timestampNs: Long = 0,
     /** Largest image, pixels; 0: 100 million. */
     val maxPixels: Long = 0,
@@ -24,7 +24,7 @@ class PhotoFile @JvmOverloads constructor(
 ) {
     constructor(content: ByteArray) : this(ByteBuffer.wrap(content))
 
-    /** What the file says of how it was taken, without reading its pixels. */
+    /** The metadata of the file, without reading its pixels. */
     fun lookAt(): FileInfo {
         val file = Photo.direct(content)
         val (values, names) = FileInfo.empty()
@@ -48,12 +48,12 @@ class PhotoFile @JvmOverloads constructor(
     }
 }
 
-/** What became of a photo, and what its file says. */
+/** The outcome of a photo, and the metadata of its file. */
 data class PhotoFileOutcome(val outcome: Outcome, val info: FileInfo)
 
-/** What is to be said about a photo's file. */
+/** Remarks about a photo's file. */
 enum class FileRemark(internal val bit: Int) {
-    /** What it says of its colours cannot be used; it was taken as sRGB. */
+    /** Its colour metadata cannot be used; it was read as sRGB. */
     PROFILE_UNUSABLE(1),
     /** It has a gain map (Ultra HDR), which is left out. */
     GAIN_MAP(2),
@@ -70,7 +70,7 @@ enum class FileRemark(internal val bit: Int) {
 }
 
 /**
- * What a photo's file says of how it was taken. Photos that differ in maker, model, lens, focal
+ * Metadata of a photo's file. Photos that differ in maker, model, lens, focal
  * lengths, zoom or size need scanners of their own.
  */
 data class FileInfo(

@@ -1,12 +1,12 @@
 package org.svbrdf.scanner
 
-/** What a photo that was only looked at would be good for; px are those of the image given. */
+/** The verdict on a photo that is not added; px are those of the image given. */
 class Probe internal constructor(
     /** Why a photo like it would be rejected; null: it would be accepted. */
     val reason: Rejection?,
     /** Why, or the hints, as English sentences; empty where there is nothing to tell. */
     val advice: String,
-    /** What there is to tell about it, whether it would be accepted or not. */
+    /** Remarks, whether it would be accepted or not. */
     val hints: Set<Hint>,
     /** For [Hint.NOTHING_NEW]: index of the photo with nearly the same view. */
     val sameViewAs: Int?,
@@ -103,6 +103,6 @@ data class PhotoHint(
     val index: Int,
     /** Stable name for programs, such as `two_groups`. */
     val code: String,
-    /** An English sentence: what was seen, with its figure, and what to do. */
+    /** An English sentence: the observation with its figure, and the remedy. */
     val text: String,
 )

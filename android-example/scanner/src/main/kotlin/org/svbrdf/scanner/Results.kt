@@ -2,7 +2,7 @@ package org.svbrdf.scanner
 
 import kotlin.math.acos
 
-/** What became of a photo. */
+/** The outcome of a photo. */
 sealed class Outcome {
     /** The timestamp given with the photo. */
     abstract val timestampNs: Long
@@ -16,7 +16,7 @@ sealed class Outcome {
         /** Seconds from the call to maps being available. */
         val mapsSeconds: Double,
         override val timestampNs: Long,
-        /** What the user may want to know about it. */
+        /** Remarks for the user. */
         val hints: Set<Hint> = emptySet(),
         /** The hints as English sentences; empty without any. */
         val advice: String = "",
@@ -29,10 +29,10 @@ sealed class Outcome {
     /** The photo cannot be used; nothing has changed. */
     data class Rejected(
         val reason: Rejection,
-        /** Why, and what helps: an English sentence with the photo's own figures. */
+        /** Reason and remedy: an English sentence with the photo's own figures. */
         val advice: String,
         override val timestampNs: Long,
-        /** What [measured] and [limit] are, with their unit. */
+        /** The quantity of [measured] and [limit], with its unit. */
         val measure: Measure = Measure.NONE,
         /** The measured value. */
         val measured: Float = 0f,
@@ -71,7 +71,7 @@ sealed class Outcome {
     }
 }
 
-/** The most informative next view: from there the highlight reaches what it has not swept. */
+/** The most informative next view. */
 data class NextView(
     /** Angle off the top, degrees. */
     val tiltDeg: Float,
@@ -190,7 +190,7 @@ data class Progress(
     val secondsLeft: Float?,
     /** Grows with every newer set of maps. */
     val mapsRevision: Long,
-    /** What the fit is doing. */
+    /** The phase of the fit. */
     val phase: Phase = Phase.NONE,
 ) {
     internal companion object {

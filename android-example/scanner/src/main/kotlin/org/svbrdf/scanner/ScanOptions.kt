@@ -2,7 +2,7 @@ package org.svbrdf.scanner
 
 import java.io.File
 
-/** What the photos show, and how maps are made. Lengths in millimetres. */
+/** Scene of the photos, and settings of the maps. Lengths in millimetres. */
 data class ScanOptions @JvmOverloads constructor(
     /** Width of the sample, mm. */
     val widthMm: Float = 100f,
@@ -137,6 +137,6 @@ data class Budget @JvmOverloads constructor(
     val seconds: Float? = null,
     /** Steps of the optimisers; 0: any number. */
     val maxSteps: Int = 0,
-    /** Whether to end where what is left to change cannot be seen in 8-bit maps. */
+    /** Whether to end once further changes are invisible in 8-bit maps. */
     val stopWhenInvisible: Boolean = false,
 )
