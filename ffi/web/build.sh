@@ -9,9 +9,10 @@ target=wasm32-unknown-unknown
 folder=${CARGO_TARGET_DIR:-target}
 out=ffi/web/dist
 # Two libraries, of which a browser loads one (page/library.js): Safari 16.4, Chromium 91 and Firefox 89 have the
-# vectors of `simd128`; `relaxed` also has fused multiply-add, and its folder of cargo: flags apply to all crates.
-declare -A features=([simd128]=+simd128 [relaxed]=+simd128,+relaxed-simd)
+# vectors of `simd128`; `relaxed` also has fused multiply-add. Each has a folder of its own: all crates are compiled
+# with these features.
 libraries=(simd128 relaxed)
+features() { case $1 in simd128) echo +simd128 ;; relaxed) echo +simd128,+relaxed-simd ;; esac; }
 
 environment=()
 build_std=()
@@ -32,7 +33,7 @@ if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
 fi
 for library in "${libraries[@]}"; do
   # Nothing draws random numbers. As much stack as a thread has elsewhere, instead of 1 MiB.
-  env "${environment[@]}" RUSTFLAGS="--cfg getrandom_backend=\"unsupported\" -C target-feature=${features[$library]}" \
+  env "${environment[@]}" RUSTFLAGS="--cfg getrandom_backend=\"unsupported\" -C target-feature=$(features "$library")" \
     cargo rustc --profile "${PROFILE:-release}" -p svbrdf-web --target "$target" --target-dir "$folder/web/$library" \
     "${build_std[@]}" -- -C link-arg=-zstack-size=2097152
 done

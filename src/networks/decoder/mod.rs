@@ -21,7 +21,7 @@ mod graph;
 mod kernels;
 mod passes;
 mod texels;
-#[cfg(any(test, target_family = "wasm"))]
+#[cfg(any(test, target_feature = "relaxed-simd"))]
 mod tiles;
 mod workspace;
 

@@ -1,12 +1,13 @@
-//! The matrix product for WebAssembly: tiles of the result in registers.
+//! The matrix product for WebAssembly with fused multiply-add: tiles of the result in registers. In the shapes of the
+//! decoder it is 1.7 times as fast as that of `gemm` without (V8, x86-64); without it, `gemm`'s is faster.
 
 use std::array;
 
 use crate::simd::{Kernel, LANES, Lanes};
 
-/// Rows of a tile. With one vector of columns they leave registers for a row of `b` and a splat of `a`, of the
-/// sixteen that x86-64 has.
-const ROWS: usize = 6;
+/// Rows of a tile. Its sums, and the numbers to multiply, fill 14 of the 16 registers of x86-64; five rows and more
+/// take half the speed.
+const ROWS: usize = 4;
 
 /// `c = a b`, or `c += a b`, with the sizes and strides of [`super::gemm::Shape`].
 pub(super) struct Product<'a> {
@@ -46,8 +47,6 @@ impl Kernel for Product<'_> {
                     1 => tile.fill::<V, 1>(),
                     2 => tile.fill::<V, 2>(),
                     3 => tile.fill::<V, 3>(),
-                    4 => tile.fill::<V, 4>(),
-                    5 => tile.fill::<V, 5>(),
                     _ => tile.fill::<V, ROWS>(),
                 }
             }
@@ -94,9 +93,10 @@ mod tests {
     #[test]
     fn overlapping_rows_multiply_as_by_hand() {
         // Small integers are exact in f32. Rows in all remainders of a tile, columns in none and some of a vector.
-        for m in [1, 2, 3, 4, 5, 6, 7, 33] {
+        for m in [1, 2, 3, 4, 5, 33] {
             for (n, k, a_stride, c_stride) in [(1, 1, 1, 1), (8, 7, 2, 8), (19, 24, 8, 30)] {
-                let a: Vec<f32> = (0..(m - 1) * a_stride + k).map(|i| (i % 7) as f32 - 3.0).collect();
+                let a: Vec<f32> =
+                    (0..(m - 1) * a_stride + k).map(|i| (i % 7) as f32 - 3.0).collect();
                 let b: Vec<f32> = (0..k * n).map(|i| (i % 5) as f32 - 2.0).collect();
                 let mut c = vec![9.0; (m - 1) * c_stride + n];
                 for accumulate in [false, true] {
