@@ -3,7 +3,7 @@
 importScripts('library.js');
 const NAME = 'svbrdf-{{version}}';
 const OTHER = svbrdfLibrary === 'relaxed' ? 'simd128' : 'relaxed';
-const FILES = {{files}}.filter((name) => !name.startsWith(`${OTHER}.`));
+const FILES = {{files}}.filter((name) => !name.startsWith(`./${OTHER}.`));
 
 addEventListener('install', (event) => event.waitUntil((async () => {
   await (await caches.open(NAME)).addAll(FILES);
