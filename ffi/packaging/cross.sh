@@ -2,18 +2,16 @@
 # processor or system by Debian's cross compilers, and sets RUNNER to what runs its programs. Installs what is missing.
 
 cross() {
-  local target=$1 name packages
+  local target=$1 name compiler packages
   case $target in
     aarch64-unknown-linux-gnu)
       compiler=aarch64-linux-gnu-gcc RUNNER=qemu-aarch64-static
       packages=(gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static) ;;
     x86_64-pc-windows-gnu)
-      compiler=x86_64-w64-mingw32-gcc RUNNER=wine64
-      packages=(gcc-mingw-w64-x86-64 wine64) ;;
+      compiler=x86_64-w64-mingw32-gcc RUNNER=wine
+      packages=(gcc-mingw-w64-x86-64 wine wine64) ;;
     *) echo "there are no cross compilers for $target" >&2; return 1 ;;
   esac
-  # Debian's package does not put it on the path.
-  PATH=$PATH:/usr/lib/wine
   if ! { command -v $compiler && command -v $RUNNER; } > /dev/null; then
     local sudo
     sudo=$([ "$(id -u)" = 0 ] || echo sudo)
