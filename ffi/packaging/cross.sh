@@ -1,5 +1,6 @@
 # For scripts that source it: `cross TARGET` makes this machine, a Debian or Ubuntu, ready to build for a Rust target of another
-# processor or system by Debian's cross compilers, and sets RUNNER to what runs its programs. Installs what is missing.
+# processor or system by Debian's cross compilers, and sets RUNNER to what runs its programs. Installs what is missing. WINEPREFIX
+# names the folder of wine's files, which is made.
 
 cross() {
   local target=$1 name compiler packages
@@ -21,6 +22,21 @@ cross() {
   [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ] || rustup target add "$target"
   name=${target//-/_}
   export "CC_$name=$compiler" "CARGO_TARGET_${name^^}_LINKER=$compiler"
-  # wine: no windows, no questions, and nothing in the home folder.
-  export RUNNER WINEDEBUG=-all DISPLAY= WINEDLLOVERRIDES='mscoree,mshtml='
+  export RUNNER
+  [ $RUNNER != wine ] || with_wine "$compiler"
+}
+
+# wine: no windows, no questions. Debian 12's wine has no bcryptprimitives.dll, which Rust's standard library draws the keys of
+# its hash maps from: one that asks the function below.
+with_wine() {
+  export WINEDEBUG=-all DISPLAY= WINEDLLOVERRIDES='mscoree,mshtml='
+  mkdir -p "$WINEPREFIX/libraries"
+  export WINEPATH="Z:$WINEPREFIX/libraries"
+  "$1" -shared -O2 -x c - -o "$WINEPREFIX/libraries/bcryptprimitives.dll" -ladvapi32 <<'END'
+#include <windows.h>
+BOOLEAN NTAPI SystemFunction036(PVOID, ULONG);
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T length) {
+  return SystemFunction036(data, (ULONG)length);
+}
+END
 }
