@@ -22,8 +22,8 @@
 # root, and the Swift and Android tools come from a Debian mirror: both are skipped there.
 #
 # Apart from these, because they compile the library once more or download much: tests/aarch64.sh,
-# tests/thread-sanitizer.sh, tests/blender.sh, tests/web.sh, tests/many.sh (Dask); and those that start daemons or change
-# roots: tests/slurm.sh, tests/image.sh, tests/bionic.sh.
+# tests/thread-sanitizer.sh, tests/blender.sh, tests/web.sh, tests/cross.sh, tests/conda.sh, tests/many.sh (Dask); and those that
+# start daemons or change roots: tests/slurm.sh, tests/image.sh, tests/bionic.sh.
 #
 # Skipped checks are reported, counted at the end, and fail the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
 # may name a folder with further captures: a missing file there is a failure. Without it, tests that need it

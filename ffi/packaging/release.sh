@@ -9,11 +9,13 @@
 #   aar          the Android archive (NDK, cargo-ndk)
 #   xcframework  the framework for Swift (a Mac)
 #   web          the web page
+#   source       the source archive, and conda's recipe with its checksum
 #   extension    Blender's extension, of the wheels in OUT
 #   finish       SHA256SUMS, and provenance.json, which says how everything in OUT was made
 #
-# TARGET names another target that rustup has, for `cli` and `wheel` (TARGET=x86_64-apple-darwin). PROFILE is `dist` unless set.
-# Bills of materials and texts of licences come from notices.sh; its tools are needed, but for `extension` and `finish`.
+# TARGET names another target that rustup has, for `cli` and `wheel` (TARGET=x86_64-apple-darwin). On Debian, arm64 Linux and Windows
+# (aarch64-unknown-linux-gnu, x86_64-pc-windows-gnu) are built by cross compilers, and run by qemu and wine. PROFILE is `dist` unless set.
+# Bills of materials and texts of licences come from notices.sh; its tools are needed, but for `source`, `extension` and `finish`.
 set -euo pipefail
 if [ $# -lt 2 ]; then
   sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "$0" >&2
@@ -30,6 +32,13 @@ target=${TARGET:-$host}
 version=$(sed -n '/^\[workspace.package\]/,/^$/s/^version = "\(.*\)"$/\1/p' Cargo.toml)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+RUNNER=
+case $host:$target in
+  x86_64-unknown-linux-gnu:aarch64-unknown-linux-gnu | x86_64-unknown-linux-gnu:x86_64-pc-windows-gnu)
+    . ffi/packaging/cross.sh
+    export WINEPREFIX=$work/wine
+    cross "$target" ;;
+esac
 sum() { if command -v sha256sum > /dev/null; then sha256sum "$@"; else shasum -a 256 "$@"; fi; }
 
 # Licences and bill of materials, once for all parts.
@@ -50,14 +59,14 @@ cli() {
   mkdir -p "$folder"
   cp "$binary" README.md LICENSE-MIT LICENSE-APACHE "$work/notices/THIRD-PARTY.txt" "$folder"
   case $target in
-    *-linux-*) if ldd "$binary" 2>&1 | grep -q '=>'; then echo "$binary is not linked statically" >&2; exit 1; fi ;;
+    *-linux-*) if readelf -dW "$binary" | grep NEEDED; then echo "$binary is not linked statically" >&2; exit 1; fi ;;
   esac
-  # Another processor's binary does not run here.
-  if [ "${target%%-*}" = "${host%%-*}" ]; then
-    "$binary" fit examples/captures/tile --frames 1 --steps 2 --quiet --out "$work/maps"
+  # Without an emulator, another processor's binary does not run here.
+  if [ -n "$RUNNER" ] || [ "${target%%-*}" = "${host%%-*}" ]; then
+    $RUNNER "$binary" fit examples/captures/tile --frames 1 --steps 2 --quiet --out "$work/maps"
   fi
   case $target in
-    *-windows-*) (cd "$work" && python -m zipfile -c "$out/$name.zip" "$name") ;;
+    *-windows-*) (cd "$work" && "$(command -v python3 || command -v python)" -m zipfile -c "$out/$name.zip" "$name") ;;
     *) tar -C "$work" --owner=0 --group=0 --numeric-owner -czf "$out/$name.tar.gz" "$name" 2>/dev/null ||
       tar -C "$work" -czf "$out/$name.tar.gz" "$name" ;;
   esac
@@ -95,6 +104,14 @@ xcframework() {
 web() {
   PROFILE=$profile ffi/web/build.sh
   tar -C ffi/web/dist -czf "$out/svbrdf-$version-web.tar.gz" .
+}
+
+source_archive() {
+  local archive=$out/svbrdf-$version.tar.gz checksum
+  git archive --format=tar --prefix="svbrdf-$version/" HEAD | gzip -9n > "$archive"
+  checksum=$(sum "$archive" | cut -d ' ' -f 1)
+  sed "s/\"0\{64\}\"/\"$checksum\"/" ffi/packaging/conda/recipe.yaml > "$out/svbrdf-$version-conda.yaml"
+  grep -q "sha256: \"$checksum\"" "$out/svbrdf-$version-conda.yaml"
 }
 
 extension() {
@@ -142,6 +159,7 @@ END
 for part; do
   case $part in
     cli | wheel | deb | aar | xcframework | web | extension | finish) "$part" ;;
+    source) source_archive ;;
     *) echo "no part $part" >&2; exit 2 ;;
   esac
 done

@@ -1,4 +1,5 @@
-//! Lanes in two vectors of WebAssembly's simd128.
+//! Lanes in two vectors of WebAssembly's simd128. Builds with `relaxed-simd` have fused multiply-add where the
+//! processor has it; browsers refuse them where they do not know it.
 
 // Functions with target features do not implement `Fn`, so intrinsics need closures.
 #![allow(clippy::redundant_closure)]
@@ -74,7 +75,10 @@ impl Lanes for Simd128 {
     }
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
-        self * b + c
+        #[cfg(target_feature = "relaxed-simd")]
+        return Self(f32x4_relaxed_madd(self.0, b.0, c.0), f32x4_relaxed_madd(self.1, b.1, c.1));
+        #[cfg(not(target_feature = "relaxed-simd"))]
+        return self * b + c;
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -96,7 +100,12 @@ impl Lanes for Simd128 {
     #[inline(always)]
     fn if_greater(self, other: Self, yes: Self, no: Self) -> Self {
         let greater = self.zip(other, |a, b| f32x4_gt(a, b));
-        Self(v128_bitselect(yes.0, no.0, greater.0), v128_bitselect(yes.1, no.1, greater.1))
+        // All bits of a lane are alike: every implementation of the relaxed instruction agrees.
+        #[cfg(target_feature = "relaxed-simd")]
+        use i32x4_relaxed_laneselect as select;
+        #[cfg(not(target_feature = "relaxed-simd"))]
+        use v128_bitselect as select;
+        Self(select(yes.0, no.0, greater.0), select(yes.1, no.1, greater.1))
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {

@@ -4,62 +4,23 @@
 const assert = require('node:assert/strict');
 const { execFileSync } = require('node:child_process');
 const fs = require('node:fs');
-const http = require('node:http');
 const path = require('node:path');
-const { chromium } = require('playwright-core');
 const validator = require('gltf-validator');
+const { EXAMPLE: example, launch, openPage, serve, settled } = require('./page.cjs');
 
 const [svbrdf, work, browserPath, pictures] = process.argv.slice(2);
-const root = path.resolve('ffi/web/dist');
-const example = path.resolve('examples/captures/tile');
+const heic = process.env.HEIC === '1';
 /** Photographs of the example that are fitted. */
 const FRAMES = 3;
 /** Root mean square by which maps may differ from those of other vector instructions: of one photograph; and of more, where
  * rounding decides after which step a fit has converged. With and without AVX2 the command line's differ by 4e-4; and by up to .011. */
 const SAME = [1e-3, 0.02];
-/** A fit on a busy machine takes its time, milliseconds. */
-const LONG = 300000;
-const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.json': 'application/json', '.wasm': 'application/wasm', '.jpg': 'image/jpeg' };
-
-/** A static server without special headers. */
-async function serve() {
-  const server = http.createServer((request, response) => {
-    const name = decodeURIComponent(new URL(request.url, 'http://x').pathname);
-    const file = path.join(root, name.endsWith('/') ? `${name}index.html` : name);
-    if (!file.startsWith(root) || !fs.existsSync(file)) return response.writeHead(404).end();
-    response.writeHead(200, { 'content-type': TYPES[path.extname(file)] ?? 'application/octet-stream' });
-    fs.createReadStream(file).pipe(response);
-  });
-  await new Promise((done) => server.listen(0, '127.0.0.1', done));
-  return { address: `http://127.0.0.1:${server.address().port}/`, close: () => server.close() };
-}
-
-/** A page that must not complain, and asks nothing of other servers. */
-async function open(browser, address, options = {}, frames = FRAMES) {
-  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: 'reduce', acceptDownloads: true, ...options });
-  context.setDefaultTimeout(LONG);
-  const page = await context.newPage();
-  const faults = [];
-  page.on('console', (m) => m.type() === 'error' && faults.push(`console: ${m.text()}`));
-  page.on('pageerror', (e) => faults.push(`uncaught: ${e.message}`));
-  context.on('request', (r) => r.url().startsWith(address) || /^(data|blob):/.test(r.url()) || faults.push(`request: ${r.url()}`));
-  // The first photographs of the example are enough.
-  await context.route('**/example/capture.json', async (route) => {
-    const description = JSON.parse(fs.readFileSync(path.join(example, 'capture.json')));
-    description.frames.length = frames;
-    await route.fulfill({ json: description });
-  });
-  await page.goto(address);
-  await page.waitForFunction(() => window.svbrdfPage);
-  return { page, context, close: async () => (await context.close(), assert.deepEqual(faults, [])) };
-}
+/** The same between both libraries, for one photograph: they differ as processors with and without fused multiply-add do. */
+const RELAXED = 1e-3;
 
 const photographs = (page) => page.evaluate(() => window.svbrdfPage.scan.photographs.map(({ name, state, row, place }) => ({ name, state, row, place })));
-/** Waits until nothing is left to do. */
-const settled = (page, count) => page.waitForFunction((n) => {
-  const { scan } = window.svbrdfPage;
-  return scan.photographs.length === n && scan.settled && !scan.pushing && scan.photographs.every((p) => p.state !== 'waiting');
-}, count);
+/** A page with the example's first photographs. */
+const open = (browser, address, options = {}, frames = FRAMES) => openPage(browser, address, { frames, ...options });
 
 async function download(page, name) {
   const [file] = await Promise.all([page.waitForEvent('download'), page.click(`button[data-file="${name}"]`)]);
@@ -68,6 +29,14 @@ async function download(page, name) {
   fs.mkdirSync(path.dirname(to), { recursive: true });
   await file.saveAs(to);
   return fs.readFileSync(to);
+}
+
+/** Root mean squares of the differences between the maps of two folders, one a map. */
+function distances(a, b) {
+  const difference = JSON.parse(execFileSync(svbrdf, ['compare', a, b, '--json']));
+  const rms = Object.values(difference.maps ?? difference).filter((v) => typeof v === 'number');
+  assert.ok(rms.length >= 4, JSON.stringify(difference));
+  return rms;
 }
 
 /** The example's first photographs: as the command line fits them. */
@@ -93,15 +62,33 @@ async function exampleAsNative(page, frames) {
   execFileSync(svbrdf, ['fit', example, '--out', native, '--frames', String(frames), '--threads', '1', '--quiet']);
   const nativeSeconds = (Date.now() - start) / 1000;
   for (const name of ['maps.exr', 'normal.png', 'diffuse.png', 'specular.png', 'roughness.png']) await download(page, name);
-  const difference = JSON.parse(execFileSync(svbrdf, ['compare', path.join(work, 'page'), native, '--json']));
-  const rms = Object.entries(difference.maps ?? difference).filter(([, v]) => typeof v === 'number');
-  assert.ok(rms.length >= 4, JSON.stringify(difference));
-  assert.ok(rms.every(([, value]) => value < SAME[Math.min(frames, 2) - 1]), `maps differ: ${JSON.stringify(rms)}`);
+  const rms = distances(path.join(work, 'page'), native);
+  assert.ok(rms.every((value) => value < SAME[Math.min(frames, 2) - 1]), `maps differ: ${rms}`);
 
   const taken = (report) => report.frames.map((f) => f.first_maps_seconds.toFixed(2)).join(', ');
   const [mine, theirs] = [await download(page, 'report.json'), fs.readFileSync(path.join(native, 'report.json'))].map((r) => JSON.parse(r));
   console.log(`${frames} photographs: page ${first.toFixed(1)} s to the first maps, ${all.toFixed(1)} s to the last; command line with one thread, its start and files included, ${nativeSeconds.toFixed(1)} s; ${(bytes / 2 ** 20).toFixed(0)} MiB of WebAssembly memory`);
-  console.log(`  taking in: page ${taken(mine)} s, command line ${taken(theirs)} s; largest difference of the maps ${Math.max(...rms.map(([, v]) => v)).toExponential(1)}`);
+  console.log(`  taking in: page ${taken(mine)} s, command line ${taken(theirs)} s; largest difference of the maps ${Math.max(...rms).toExponential(1)}`);
+}
+
+/** The maps of one photograph from the library that the browser has chosen, against those of the other. */
+async function bothLibraries(browser, address) {
+  const made = [];
+  for (const library of [undefined, 'simd128']) {
+    const { page, close } = await open(browser, address, { library }, 1);
+    await page.click('#example');
+    await settled(page, 1);
+    assert.equal(await page.evaluate(() => window.svbrdfPage.scan.library), library ?? 'relaxed');
+    const to = path.join(work, `of-${library}`);
+    fs.mkdirSync(to);
+    for (const name of ['maps.exr', 'normal.png', 'diffuse.png', 'specular.png', 'roughness.png']) fs.writeFileSync(path.join(to, name), await download(page, name));
+    made.push(to);
+    await close();
+  }
+  const rms = distances(...made);
+  assert.ok(rms.every((value) => value < RELAXED), `maps differ: ${rms}`);
+  assert.ok(rms.some((value) => value > 0), 'both libraries are the same');
+  console.log(`with and without fused multiply-add, maps of one photograph differ by ${Math.max(...rms).toExponential(1)}`);
 }
 
 /** Files that programs open. */
@@ -150,7 +137,14 @@ async function redrawn(page, like, { size, gray } = {}) {
   return Buffer.from(bytes);
 }
 
-/** Photographs without a description, a picture of another camera, one without a board, a file that is none. */
+/** A picture as phones keep it, by an encoder of others. */
+function asHeic(file) {
+  const to = path.join(work, 'camera-roll.heic');
+  execFileSync('heif-enc', ['-q', '95', '-o', to, file]);
+  return to;
+}
+
+/** Photographs without a description, one of them as HEIC, a picture of another camera, one without a board, a file that is none. */
 async function photographsOfOnesOwn(page) {
   const capture = path.join(work, 'capture');
   execFileSync(svbrdf, ['simulate', path.join(example, 'truth'), '--out', capture, '--frames', '2', '--seed', '1']);
@@ -160,6 +154,7 @@ async function photographsOfOnesOwn(page) {
   const unsupported = path.join(work, 'photo.heic');
   fs.writeFileSync(unsupported, Buffer.concat([Buffer.from('\0\0\0\x14ftypavif\0\0\0\0avif', 'latin1'), Buffer.alloc(4000)]));
   const frames = description.frames.map((frame) => path.join(capture, frame.image));
+  if (heic) frames[1] = asHeic(frames[1]);
   const empty = path.join(work, 'empty.jpg');
   fs.writeFileSync(empty, await redrawn(page, frames[0], { gray: true }));
   const files = [...frames, empty, path.resolve('docs/tile.jpg'), broken, unsupported];
@@ -211,6 +206,33 @@ async function reloadedOffline({ page, context }) {
   await page.waitForFunction(() => window.svbrdfPage);
   assert.ok(await page.isHidden('#kept'));
   await context.setOffline(false);
+}
+
+/** A page that was visited once, never used, and whose server is gone. */
+async function offlineAfterFirstVisit(browser) {
+  const server = await serve();
+  const { page, close } = await open(browser, server.address);
+  await page.evaluate(() => navigator.serviceWorker.ready);
+  await page.waitForFunction(() => navigator.serviceWorker.controller);
+  assert.ok(server.asked.includes('/relaxed.bin') && !server.asked.includes('/simd128.bin'), 'one library is kept');
+  await installable(page);
+  await server.close();
+  await page.reload();
+  await page.waitForFunction(() => window.svbrdfPage);
+  await page.click('#example');
+  await page.waitForSelector('#result:not([hidden])');
+  await close();
+}
+
+/** What browsers ask of a page before they offer to put it on the home screen. */
+async function installable(page) {
+  const debug = await page.context().newCDPSession(page);
+  const { url, errors } = await debug.send('Page.getAppManifest');
+  assert.ok(url.endsWith('/app.webmanifest') && errors.length === 0, JSON.stringify(errors));
+  const { installabilityErrors } = await debug.send('Page.getInstallabilityErrors');
+  const found = installabilityErrors.map((e) => e.errorId);
+  // Each context of these tests is a private window.
+  assert.deepEqual(found.filter((id) => id !== 'in-incognito'), []);
 }
 
 /** Browsers stop pages in the background. */
@@ -267,14 +289,14 @@ const picture = async (page, name) => pictures && (await page.screenshot({ path:
 (async () => {
   if (pictures) fs.mkdirSync(pictures, { recursive: true });
   const server = await serve();
-  const browser = await chromium.launch({
-    executablePath: browserPath,
-    args: ['--headless', '--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync'],
-  });
+  const browser = await launch(browserPath);
   try {
     const one = await open(browser, server.address, {}, 1);
     await exampleAsNative(one.page, 1);
     await one.close();
+
+    await bothLibraries(browser, server.address);
+    await offlineAfterFirstVisit(browser);
 
     const begun = Date.now();
     const desktop = await open(browser, server.address);
@@ -288,7 +310,7 @@ const picture = async (page, name) => pictures && (await page.screenshot({ path:
     await picture(desktop.page, 'desktop');
     await desktop.close();
 
-    const phone = await open(browser, server.address, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'dark' });
+    const phone = await open(browser, server.address, { context: { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'dark' } });
     assert.equal(await phone.page.getAttribute('#camera', 'capture'), 'environment');
     await photographsOfOnesOwn(phone.page);
     assert.ok(await fits(phone.page), 'wider than a phone');

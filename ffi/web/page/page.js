@@ -1,11 +1,15 @@
 import { dropped } from './dropped.js';
 import { clear, drop, keep, kept } from './kept.js';
+import './library.js';
 import { MapsView } from './maps.js';
 import { Scan } from './scan.js';
 import { photographCard } from './photographs.js';
 
-const manifest = await (await fetch('manifest.json')).json();
-const scan = new Scan(manifest.sizes);
+const { libraries, networks } = await (await fetch('sizes.json')).json();
+const library = globalThis.svbrdfLibrary;
+const sizes = { [`${library}.bin`]: libraries[`${library}.bin`], ...networks };
+const megabytes = (Object.values(sizes).reduce((sum, bytes) => sum + bytes) / 1e6).toFixed(1);
+const scan = new Scan(library, sizes);
 let maps = null;
 const cards = new Map();
 /** Photographs kept from before the page was loaded, until one decides about them. */
@@ -33,7 +37,7 @@ const seconds = (s) => (s >= 10 ? s.toFixed(0) : s.toFixed(1));
 
 /* What the scan tells */
 
-scan.addEventListener('loading', ({ detail }) => say(`Loading the library, ${(100 * detail.share).toFixed(0)} % of ${manifest.megabytes} MB`, detail.share));
+scan.addEventListener('loading', ({ detail }) => say(`Loading the library, ${(100 * detail.share).toFixed(0)} % of ${megabytes} MB`, detail.share));
 scan.addEventListener('restarted', () => {
   cards.clear();
   $('photographs').replaceChildren();

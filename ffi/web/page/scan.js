@@ -2,10 +2,10 @@
 
 /** Photographs of a scan; each has a file, a state and what was said of it. */
 export class Scan extends EventTarget {
-  /** `sizes`: bytes of the library's parts. */
-  constructor(sizes) {
+  /** `library`: its name, `relaxed` or `simd128`. `sizes`: bytes of its file and of those of the networks. */
+  constructor(library, sizes) {
     super();
-    this.sizes = sizes;
+    Object.assign(this, { library, sizes });
     this.photographs = [];
     this.answers = new Map();
     this.next = 0;
@@ -35,7 +35,7 @@ export class Scan extends EventTarget {
         event.preventDefault();
         reject(new Error(event.message || 'the worker cannot be started'));
       });
-      this.worker.postMessage({ type: 'load', sizes: this.sizes });
+      this.worker.postMessage({ type: 'load', library: this.library, sizes: this.sizes });
     });
     return this.loading;
   }

@@ -1,7 +1,9 @@
 /** Keeps the page for use without a network: all files of one version, or none. */
 
+importScripts('library.js');
 const NAME = 'svbrdf-{{version}}';
-const FILES = {{files}};
+const OTHER = svbrdfLibrary === 'relaxed' ? 'simd128' : 'relaxed';
+const FILES = {{files}}.filter((name) => !name.startsWith(`./${OTHER}.`));
 
 addEventListener('install', (event) => event.waitUntil((async () => {
   await (await caches.open(NAME)).addAll(FILES);

@@ -1,14 +1,13 @@
 /** The library in a worker: one message after the other, and the fit between them. */
 
-import init, { Models, Scan, board, fragment_shader, last_panic, version } from './svbrdf.js';
-
-/** Files of the library with their shares of all that is loaded. */
-const PARTS = ['library.bin', 'decoder.bin', 'encoder.bin', 'photo.bin', 'completion.bin'];
+/** Files of the networks. */
+const NETWORKS = ['decoder.bin', 'encoder.bin', 'photo.bin', 'completion.bin'];
 /** Milliseconds of the fit between two looks at the messages. */
 const TURN_MS = 60;
 /** Maps are shown this often at most while the fit goes on, milliseconds. */
 const SHOW_MS = 400;
 
+let library = null;
 let models = null;
 let memory = null;
 let scan = null;
@@ -20,9 +19,9 @@ let generation;
 /** Posts what belongs to the scan. */
 const tell = (message, buffers = []) => postMessage({ ...message, generation }, buffers);
 
-/** Loads all parts, and tells how far it is. */
-async function load(sizes) {
-  const total = PARTS.reduce((sum, name) => sum + sizes[name], 0);
+/** Loads all parts, whose bytes `sizes` has, and tells how far it is. `name` is that of the library. */
+async function load(name, sizes) {
+  const total = Object.values(sizes).reduce((sum, bytes) => sum + bytes);
   let loaded = 0;
   const part = async (name) => {
     const answer = await fetch(name);
@@ -42,10 +41,11 @@ async function load(sizes) {
     const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
     return new Uint8Array(await new Response(unpacked).arrayBuffer());
   };
-  const [library, ...networks] = await Promise.all(PARTS.map(part));
-  memory = (await init({ module_or_path: library })).memory;
-  models = new Models(...networks);
-  postMessage({ type: 'ready', shader: fragment_shader(), version: version() });
+  const [code, ...networks] = await Promise.all([`${name}.bin`, ...NETWORKS].map(part));
+  library = await import(`./${name}.js`);
+  memory = (await library.default({ module_or_path: code })).memory;
+  models = new library.Models(...networks);
+  postMessage({ type: 'ready', shader: library.fragment_shader(), version: library.version() });
 }
 
 /** The maps of the moment, if they are others than those shown. */
@@ -89,13 +89,13 @@ function start() {
 }
 
 const actions = {
-  load: ({ sizes }) => load(sizes),
+  load: ({ library, sizes }) => load(library, sizes),
   begin({ number, resolution, description }) {
     generation = number;
     scan?.free();
     scan = null;
     shown = { revision: -1, at: 0 };
-    scan = new Scan(models, resolution, description);
+    scan = new library.Scan(models, resolution, description);
     models.prepare(resolution);
   },
   push({ id, name, bytes, announced }) {
@@ -112,7 +112,7 @@ const actions = {
     postMessage({ type: 'file', id, bytes }, [bytes.buffer]);
   },
   board({ id, paper }) {
-    const bytes = board(paper);
+    const bytes = library.board(paper);
     postMessage({ type: 'file', id, bytes }, [bytes.buffer]);
   },
 };
@@ -120,7 +120,7 @@ const actions = {
 /** Why the library ended. Without a word of its own, an allocation has failed. */
 function lastWords() {
   try {
-    return last_panic() ?? 'memory';
+    return library.last_panic() ?? 'memory';
   } catch {
     return 'memory';
   }

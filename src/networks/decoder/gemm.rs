@@ -1,7 +1,14 @@
 //! Matrix product on slices: the only unsafe code of this module.
 
+#[cfg(not(target_feature = "relaxed-simd"))]
 use gemm_common::Parallelism;
+#[cfg(not(target_feature = "relaxed-simd"))]
 use gemm_f32::gemm::f32::get_gemm_fn;
+
+#[cfg(target_feature = "relaxed-simd")]
+use super::tiles::Product;
+#[cfg(target_feature = "relaxed-simd")]
+use crate::simd::dispatch;
 
 /// Sizes and strides of `c = a b` or `c += a b`, all row-major.
 ///
@@ -33,9 +40,13 @@ pub(super) fn multiply(shape: Shape, a: &[f32], b: &[f32], c: &mut [f32], accumu
     assert!((m - 1) * a_stride + k <= a.len(), "left matrix too short");
     assert!(k * n <= b.len(), "right matrix too short");
     assert!((m - 1) * c_stride + n <= c.len(), "result too short");
+    // `gemm` has no fused multiply-add for WebAssembly.
+    #[cfg(target_feature = "relaxed-simd")]
+    dispatch(Product { m, n, k, a_stride, c_stride, a, b, c, accumulate });
     // SAFETY: the asserts above keep every element that the kernel reads or writes inside its slice:
     // a[i * a_stride + l], b[l * n + j], c[i * c_stride + j] for i < m, l < k, j < n. Rows of `c`
     // do not overlap, and `c` is borrowed exclusively, so it aliases neither `a` nor `b`.
+    #[cfg(not(target_feature = "relaxed-simd"))]
     unsafe {
         // The kernels write column-major results, so compute the transposed product c' = b' a'.
         get_gemm_fn()(

@@ -21,6 +21,8 @@ mod graph;
 mod kernels;
 mod passes;
 mod texels;
+#[cfg(any(test, target_feature = "relaxed-simd"))]
+mod tiles;
 mod workspace;
 
 #[cfg(test)]
