@@ -1,8 +1,8 @@
-//! How far maps may be off by what photographs of a capture leave open, beside what their residuals tell.
+//! Standard deviations of the maps, including ambiguities of the capture that residuals do not show:
 //!
-//! - **Lost highlights.** Where each highlight is saturated, tails show the product of F0 and the square of alpha
-//!   alone. Deviations then cover all F0 that materials have, and the roughness that belongs to each.
-//! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly; albedos take that up.
+//! - **Lost highlights.** Where every highlight is saturated, the tails determine only the product of F0 and alpha².
+//!   Deviations then cover the F0 of all materials, with the roughness that belongs to each.
+//! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly, which changes the albedos.
 
 use crate::Result;
 use crate::assessment::Evidence;
@@ -15,12 +15,12 @@ use super::diagnosis::{LostHighlights, narrowest};
 
 /// F0 of dielectrics and of the brightest metals.
 const F0: [f32; 2] = [0.04, 1.0];
-/// Planes of a [`Uncertainty`].
+/// Planes of an [`Uncertainty`].
 const DIFFUSE: usize = 1;
 const SPECULAR: usize = 2;
 const ROUGHNESS: usize = 3;
 
-/// Deviations of the maps that `evidence` is about, with the rectified photographs of the capture.
+/// Deviations of the maps of `evidence`, with the rectified photographs of the capture.
 pub(super) fn of_maps(
     evidence: &Evidence,
     capture: &Capture,
@@ -42,7 +42,7 @@ pub(super) fn of_maps(
             let highlight = narrowest(maps, texel);
             let [of_f0, of_roughness] = of_tails(f0, highlight);
             widen(SPECULAR, texel, of_f0);
-            // Bare metal looks like a coat on black where only tails are seen.
+            // Where only tails are visible, bare metal looks like a coat on black.
             let coated = maps.plane(channel::ROUGHNESS)[texel] - highlight;
             widen(ROUGHNESS, texel, of_roughness.hypot(coated));
         }
@@ -57,13 +57,12 @@ pub(super) fn of_maps(
     Uncertainty::from_planes(width, height, planes)
 }
 
-/// Root mean squares of what F0 and roughness may be off by, with the product of F0 and the fourth power of roughness
-/// known and every possible F0 as likely as another.
+/// Root mean square errors of F0 and roughness if only F0 roughness⁴ is known and F0 is uniformly distributed.
 fn of_tails(f0: f32, roughness: f32) -> [f32; 2] {
     let [low, high] = F0;
     let f0 = f0.clamp(low, high);
     let of_f0 = ((high - f0).powi(3) - (low - f0).powi(3)) / (3.0 * (high - low));
-    // Roughness is as the power -1/4 of F0.
+    // Roughness is proportional to the power -1/4 of F0.
     let mean_power = |p: f32| (high.powf(1.0 - p) - low.powf(1.0 - p)) / (1.0 - p) / (high - low);
     let relative = f0.sqrt() * mean_power(0.5) - 2.0 * f0.powf(0.25) * mean_power(0.25) + 1.0;
     [of_f0.sqrt(), roughness * relative.max(0.0).sqrt()]

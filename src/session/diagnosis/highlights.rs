@@ -1,36 +1,35 @@
-//! Highlights whose shape is lost: all that photographs show of them unsaturated is their tails.
+//! Saturated highlights of which photographs show only the tails.
 //!
-//! Far from its peak a lobe of GGX shows the product of F0 and the square of alpha alone: a narrow and bright highlight
-//! then looks like a wide and dim one.
+//! Far from its peak a GGX lobe depends on the product of F0 and alpha² alone: a narrow, bright highlight looks like a
+//! wide, dim one.
 
 use crate::Svbrdf;
 use crate::observation::Observation;
 use crate::parallel;
 
-/// Half vectors whose tangent to the normal of the sample lies between this and that many alphas show the shoulder of a
-/// lobe: a fifteenth to a fifth of its peak. Nearer to the normal than the least, there are too few of them.
+/// Range of the shoulder of a lobe (a fifteenth to a fifth of its peak) in alphas, for the tangent of the angle between
+/// the half vector and the sample's normal; and the least tangent, below which there are too few texels.
 const SHOULDER: [f32; 2] = [1.25, 1.75];
 const LEAST: f32 = 0.012;
-/// Classes of alpha for each doubling: each counts as a material.
+/// Classes of alpha per octave; each counts as one material.
 const BINS_PER_OCTAVE: f32 = 1.0;
 const BINS: usize = 14;
-/// Share of the sample whose shoulder is saturated from which on it is worth a word, and texels whose shoulder is seen
-/// that are enough, relative to those.
+/// Least share of the sample with a saturated shoulder, and largest number of texels with a visible one relative to it.
 const LOST: f32 = 0.003;
 const SEEN: f32 = 0.1;
-/// Weight of a coat whose highlight counts.
+/// Least weight of a coat whose highlight counts.
 const COAT: f32 = 0.05;
 
-/// Texels of materials whose highlights no photograph shows below saturation.
+/// Texels of materials whose highlights are saturated in every photograph.
 pub(in crate::session) struct LostHighlights {
-    /// Which texels.
+    /// One entry per texel.
     pub texels: Vec<bool>,
     /// Share of the sample whose shoulder is saturated.
     pub share: f32,
 }
 
 impl LostHighlights {
-    /// `None` where photographs show enough of the highlights.
+    /// `None` if the photographs show enough of the highlights.
     pub fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Self> {
         let texels = photographs.first()?.texels();
         let bin = |t: usize| {
@@ -51,7 +50,7 @@ impl LostHighlights {
             many(lost) && seen as f32 <= SEEN * lost as f32
         };
         let total: usize = (0..BINS).filter(|k| is_lost(*k)).map(|k| counts[k].lost).sum();
-        // What holds for a material holds where none of its highlights fell as well.
+        // Texels of the same material that show no highlight are affected as well.
         let is_open =
             |(t, shoulder): (usize, &Shoulder)| *shoulder != Shoulder::Seen && is_lost(bin(t));
         (total > 0).then(|| Self {
@@ -61,7 +60,7 @@ impl LostHighlights {
     }
 }
 
-/// Roughness of the lobe that a texel's highlight is that of: a coat takes up what is narrower than the base.
+/// Roughness of a texel's narrowest lobe: that of the base or of the coat.
 pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
     let base = maps.roughness()[texel];
     match maps.coat() {
@@ -70,14 +69,14 @@ pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
     }
 }
 
-/// Texels of a material.
+/// Numbers of a material's texels.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     seen: usize,
     lost: usize,
 }
 
-/// What photographs show of the lobe of a texel.
+/// Visibility of a texel's lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Shoulder {
     /// Neither peak nor shoulder.
@@ -85,7 +84,7 @@ enum Shoulder {
     Nowhere,
     /// Its peak or its shoulder.
     Seen,
-    /// A saturated shoulder, and nothing nearer to the peak.
+    /// Only a saturated shoulder.
     Lost,
 }
 

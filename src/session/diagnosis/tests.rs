@@ -1,4 +1,4 @@
-//! Each fault is found in photographs of known maps, and none in good ones.
+//! Each fault is found in rendered photographs, and none in good ones.
 
 use super::*;
 use crate::observation::{Falloff, View};
@@ -29,7 +29,7 @@ fn view(i: usize) -> View {
     view_from(25.0 * i as f32, 2.1 * i as f32)
 }
 
-/// From so far beside the sample's middle, mm, in a direction.
+/// View from `away` mm beside the sample's centre, in the direction `radians`.
 fn view_from(away: f32, radians: f32) -> View {
     let (sin, cos) = radians.sin_cos();
     let camera_mm = [away * cos, away * sin, 270.0];
@@ -43,7 +43,7 @@ fn view_from(away: f32, radians: f32) -> View {
     }
 }
 
-/// A photograph with some noise, each radiance changed by the angle off the normal that it is seen at.
+/// A photograph with some noise; `change` scales each radiance by its angle to the normal.
 fn photograph(maps: &Svbrdf, i: usize, change: impl Fn(f32) -> f32) -> Observation {
     photograph_from(maps, view(i), i, change)
 }
@@ -71,7 +71,7 @@ fn same(_: f32) -> f32 {
     1.0
 }
 
-/// The maps moved by so many texels.
+/// The maps moved along the rows by some texels.
 fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
     let mut out = maps.clone();
     for c in channel::SLOPE_X..=channel::ROUGHNESS {
@@ -85,7 +85,7 @@ fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
 
 #[test]
 fn two_samples_and_a_moved_one_are_two_groups() {
-    // Relief alone shows nothing where the light comes along the view from above.
+    // Relief alone is invisible under light along the view from above.
     for (bumps, specks) in [(0.1, 0.8), (0.0, 0.5), (0.3, 0.8)] {
         let (one, other) = (material(1, bumps, specks), material(2, bumps, specks));
         for (second, members) in
@@ -110,7 +110,7 @@ fn photographs_of_one_sample_are_no_two_groups() {
             let photographs: Vec<_> = (0..count).map(|i| photograph(&maps, i, same)).collect();
             assert_eq!(groups::find(&photographs), None, "{bumps} {specks}, {count}");
         }
-        // One of another sample is a matter of contradictions.
+        // A single photograph of another sample is a contradiction instead.
         let other = material(4, bumps, specks);
         let odd = |i: usize| photograph(if i == 3 { &other } else { &maps }, i, same);
         let photographs: Vec<_> = (0..5).map(odd).collect();
@@ -118,7 +118,7 @@ fn photographs_of_one_sample_are_no_two_groups() {
     }
 }
 
-/// Bare metal is brighter than the paint beside it where the flash is mirrored, and darker from aside: that divides
+/// Bare metal is brighter than the paint beside it near the mirrored flash, and darker elsewhere, which divides
 /// photographs of one sample.
 #[test]
 fn contrast_that_changes_with_the_angle_is_no_second_sample() {
@@ -148,7 +148,7 @@ fn a_sheen_is_the_fault_of_the_material() {
     let photographs: Vec<_> = (0..6).map(|i| photograph(&maps, i, sheen)).collect();
     let found = material::find(&maps, &photographs);
     assert!(matches!(found, Some(Hint::OtherMaterial { .. })), "{found:?}");
-    // Not so the photographs that are as the maps have them, and one that is brighter by itself.
+    // Photographs that match the maps, and a single brighter one, are not.
     let good: Vec<_> = (0..6).map(|i| photograph(&maps, i, same)).collect();
     assert_eq!(material::find(&maps, &good), None);
     for bad in [0, 3, 5] {
@@ -158,19 +158,19 @@ fn a_sheen_is_the_fault_of_the_material() {
     }
 }
 
-/// A photograph whose values are cut off at full scale, of another exposure.
+/// A photograph of another exposure, clipped at full scale.
 fn clipped(maps: &Svbrdf, away: f32, radians: f32, exposure: f32) -> Observation {
     let view = view_from(away, radians);
     let mut planes = vec![0.0; 3 * SIDE * SIDE];
     render(maps, &view, &mut planes);
-    // White paper that faces the flash from there comes out at two thirds.
+    // White paper facing the flash has two thirds of full scale.
     let full = 1.5 * 0.8 / std::f32::consts::PI * 3e5 / 270.0_f32.powi(2) / exposure;
     planes.iter_mut().filter(|v| **v > full).for_each(|v| *v = -full);
     Observation::new(SIDE, SIDE, view, &planes, &vec![1.0; SIDE * SIDE]).unwrap()
 }
 
-/// Of polished metal no photograph shows more than tails; of varnish, whose peaks are cut off as well, the shoulder
-/// is there, and so it is in one darker photograph of the metal.
+/// Of polished metal the photographs show only tails. They show the shoulder of varnish, although its peak is clipped
+/// too, and one darker photograph shows that of the metal.
 #[test]
 fn highlights_that_are_lost_are_told() {
     let glossy = |albedo: f32, f0: f32, roughness: f32| {
@@ -192,7 +192,7 @@ fn highlights_that_are_lost_are_told() {
         let polished = glossy(0.003, f0, roughness);
         let mut bright = photographs(&polished);
         assert!(is_lost(&polished, &bright), "{f0} {roughness}");
-        // As a fit has it that mistakes it for something wider and darker.
+        // The same with the maps of a fit that took it for something wider and darker.
         let dimmer = glossy(0.003, 0.2 * f0, roughness * 5.0_f32.powf(0.25));
         let open = found(&dimmer, &bright).unwrap();
         assert!(open.texels.iter().all(|open| *open), "{f0} {roughness}");
