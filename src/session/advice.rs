@@ -112,6 +112,7 @@ mod tests {
             veil: 0.0,
             veil_sigma: 0.0,
             local_tone: 0.0,
+            local_scale: 0,
             photo_sigma: vec![0.01],
             black_ratio: [ratio; 3],
             sigma: 0.01,

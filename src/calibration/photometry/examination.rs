@@ -178,7 +178,12 @@ fn residuals(
     let (pose, squares) = photo;
     let photo = Lit::new(target, known, index, photo);
     let (light, eye) = (pose.to_board(photo.offset), pose.camera_centre());
+    let log_around = |square: &Square| f64::from(square.around[known.local_scale]).max(1e-9).ln();
+    let count = squares.squares.len().max(1) as f64;
+    let usual = squares.squares.iter().map(log_around).sum::<f64>() / count;
     let of = |square: &Square| {
+        // Local tone mapping darkened the square by this.
+        let darkened = known.local_tone * (log_around(square) - usual);
         let (tan2, albedo) = (photo.tan2(square.board_mm), photo.albedo(square.white));
         let undone = photo.undone(square.value.map(|v| v.unwrap_or(0.5)));
         let clear = photo.clear(square.white, square.board_mm);
@@ -195,8 +200,8 @@ fn residuals(
             white: square.white,
             board_mm: square.board_mm,
             px: square.px,
-            log: log / count,
-            log_value: log_value / count,
+            log: log / count + darkened,
+            log_value: log_value / count + darkened,
             u: 0.5 * (1.0 + tan2).ln(),
             half_deg: half_deg(light, eye, square.board_mm),
         })
