@@ -3,6 +3,7 @@
 use super::material;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
+use crate::estimate::Part;
 use crate::observation::Observation;
 use crate::session::capture::Board;
 use crate::session::hint::{Group, Hint};
@@ -14,6 +15,9 @@ const CONTRADICTING_RESIDUAL: f32 = 0.08;
 const CONTRADICTING_TIMES: f32 = 2.5;
 /// A standard deviation of the height above this may explain contradicting parts, mm.
 const HEIGHT_SIGMA_MM: f64 = 2.0;
+/// Share of the highlight in a prediction above which a darker part is a wrong prediction: the highlights of brushed
+/// metal and of flakes turn with directions that a few photographs do not tell.
+const ALL_HIGHLIGHT: f32 = 0.8;
 
 /// Adds the hints.
 pub(super) fn tell(
@@ -52,8 +56,13 @@ pub(super) fn tell(
         let residual = fit.residual;
         if contradicts(fit) {
             hints.push(Hint::Contradicts { residual, usual });
-        } else if let Some(part) = fit.part {
+        } else if let Some(part) = fit.part.filter(|part| !is_missing_highlight(part)) {
             hints.push(Hint::PartContradicts { part, height_unknown });
         }
     }
+}
+
+/// Whether a part only lacks a highlight that the other photographs predict.
+fn is_missing_highlight(part: &Part) -> bool {
+    part.ratio < 1.0 && part.highlight > ALL_HIGHLIGHT
 }
