@@ -2,6 +2,8 @@
 //!
 //! - **Lost highlights.** Where every highlight is saturated, the tails determine only the product of F0 and alpha².
 //!   Deviations then cover the F0 of all materials, with the roughness that belongs to each.
+//! - **Unexplained cores.** Where a photograph shows the core of a highlight and the maps do not explain it, F0 and
+//!   roughness are off by what the core and the tails allow.
 //! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly, which changes the albedos.
 
 use crate::Result;
@@ -11,7 +13,7 @@ use crate::svbrdf::channel;
 use crate::uncertainty::Uncertainty;
 
 use super::capture::{Board, Capture};
-use super::diagnosis::{LostHighlights, narrowest};
+use super::diagnosis::{LostHighlights, core_errors, narrowest};
 
 /// F0 of dielectrics and of the brightest metals.
 const F0: [f32; 2] = [0.04, 1.0];
@@ -47,6 +49,13 @@ pub(super) fn of_maps(
             widen(ROUGHNESS, texel, of_roughness.hypot(coated));
         }
     }
+    for (texel, log) in core_errors(maps, photographs).into_iter().enumerate() {
+        if log != 0.0 {
+            let [of_f0, of_roughness] = of_core(log);
+            widen(SPECULAR, texel, of_f0 * mean(channel::SPECULAR, texel));
+            widen(ROUGHNESS, texel, of_roughness * narrowest(maps, texel));
+        }
+    }
     let brightness = capture.board().map_or(0.0, Board::height_brightness) as f32;
     if brightness > 0.0 {
         for texel in 0..texels {
@@ -68,9 +77,31 @@ fn of_tails(f0: f32, roughness: f32) -> [f32; 2] {
     [of_f0.sqrt(), roughness * relative.max(0.0).sqrt()]
 }
 
+/// Relative errors of F0 and roughness that explain a core `exp(log)` times as bright as rendered. With the tails known,
+/// the peak, F0 / (4 alpha²), goes with F0², and roughness with the power -1/4 of F0. The median over a core that is
+/// taken for too wide is about half the peak's logarithm.
+fn of_core(log: f32) -> [f32; 2] {
+    [(log.exp() - 1.0).abs(), ((-0.25 * log).exp() - 1.0).abs()]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A metal that a fit takes for something wider and darker with the same tails.
+    #[test]
+    fn cores_tell_how_far_f0_and_roughness_are_off() {
+        for (f0, fitted) in [(0.9_f32, 0.2_f32), (0.5, 0.04), (0.3, 0.6)] {
+            let alpha = 0.1_f32;
+            let alpha_fitted = alpha * (f0 / fitted).sqrt();
+            let peak = |f0: f32, alpha: f32| f0 / (4.0 * alpha * alpha);
+            let log = 0.5 * (peak(f0, alpha) / peak(fitted, alpha_fitted)).ln();
+            let [of_f0, of_roughness] = of_core(log);
+            assert!((fitted * of_f0 - (f0 - fitted).abs()).abs() < 1e-4, "{f0} {fitted}");
+            let [true_, found] = [alpha, alpha_fitted].map(f32::sqrt);
+            assert!((found * of_roughness - (true_ - found).abs()).abs() < 1e-4, "{f0} {fitted}");
+        }
+    }
 
     /// Means over draws.
     #[test]

@@ -149,8 +149,9 @@ impl Session {
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
     /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
-    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
-    /// of the albedos cover what it changes.
+    /// specular albedo and roughness cover all that its tails allow; where photographs show highlights that the maps do
+    /// not explain, they cover the difference; where the height of the sample is not known, those of the albedos cover
+    /// what it changes.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was

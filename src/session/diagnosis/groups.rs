@@ -18,7 +18,7 @@ const LEAST: usize = 2;
 /// Most photographs of which all divisions are tried; with more, only divisions in their order.
 const ALL_DIVISIONS: usize = 10;
 /// Largest misfit of the correlations with a division, relative to that without one.
-const LEFT: f64 = 0.4;
+const LEFT: f64 = 0.5;
 /// Least mean correlation inside groups, and largest one between them relative to it.
 const INSIDE: f64 = 0.15;
 const BETWEEN: f64 = 0.45;
@@ -31,6 +31,8 @@ const STRIDE: usize = 3;
 const RESTORED: f64 = 0.6;
 /// Radius of detail, relative to the sample's side.
 const DETAIL: f32 = 0.03;
+/// Border of the sample that is left out, relative to its side: edges are alike in all photographs.
+const BORDER: f32 = 0.015;
 /// Half vectors nearer to the normal show a highlight instead of albedo, degrees.
 const HIGHLIGHT_DEG: f32 = 10.0;
 /// Fewest texels that two photographs share.
@@ -168,8 +170,10 @@ impl Detail {
         let (w, h) = (photograph.width(), photograph.height());
         let view = &photograph.view;
         let limit = HIGHLIGHT_DEG.to_radians().cos();
+        let border = (BORDER * w.max(h) as f32).ceil() as usize;
+        let inside = |i: usize, n: usize| (border..n.saturating_sub(border)).contains(&i);
         let log = |t: usize| {
-            if photograph.weight(t) <= 0.0 {
+            if photograph.weight(t) <= 0.0 || !inside(t % w, w) || !inside(t / w, h) {
                 return None;
             }
             let [x, y] = view.texel_mm(w, h, t % w, t / w);

@@ -15,7 +15,7 @@ const LEAST: f32 = 0.012;
 const BINS_PER_OCTAVE: f32 = 1.0;
 const BINS: usize = 14;
 /// Least share of the sample with a saturated shoulder, and largest number of texels with a visible one relative to it.
-const LOST: f32 = 0.003;
+const LOST: f32 = 0.0015;
 const SEEN: f32 = 0.1;
 /// Least weight of a coat whose highlight counts.
 const COAT: f32 = 0.05;
@@ -32,10 +32,7 @@ impl LostHighlights {
     /// `None` if the photographs show enough of the highlights.
     pub fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Self> {
         let texels = photographs.first()?.texels();
-        let bin = |t: usize| {
-            let octaves = (1.0 / narrowest(maps, t).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
-            (octaves as usize).min(BINS - 1)
-        };
+        let bin = |t: usize| material(maps, t);
         let all =
             parallel::values(texels, |t| shoulder(photographs, t, narrowest(maps, t).powi(2)));
         let mut counts = [Counts::default(); BINS];
@@ -69,6 +66,12 @@ pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
     }
 }
 
+/// Class of a texel's narrowest lobe.
+pub(super) fn material(maps: &Svbrdf, texel: usize) -> usize {
+    let octaves = (1.0 / narrowest(maps, texel).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
+    (octaves as usize).min(BINS - 1)
+}
+
 /// Numbers of a material's texels.
 #[derive(Clone, Copy, Default)]
 struct Counts {
@@ -93,7 +96,7 @@ fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Shoulder {
     let to = from * SHOULDER[1] / SHOULDER[0];
     let mut found = Shoulder::Nowhere;
     for photograph in photographs.iter().filter(|photograph| photograph.weight(texel) > 0.0) {
-        let tangent = half_tangent(photograph, texel);
+        let tangent = Half::of(photograph, texel).tangent_to([0.0, 0.0, 1.0]);
         let saturated = (0..3).any(|c| photograph.radiance(c, texel) < 0.0);
         if tangent < to && !saturated {
             return Shoulder::Seen;
@@ -105,16 +108,29 @@ fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Shoulder {
     found
 }
 
-/// Tangent of the angle between the half vector at a texel and the normal of the sample.
-fn half_tangent(photograph: &Observation, texel: usize) -> f32 {
-    let (width, height, view) = (photograph.width(), photograph.height(), &photograph.view);
-    let [x, y] = view.texel_mm(width, height, texel % width, texel / width);
-    let unit = |p: [f32; 3]| {
-        let d = [p[0] - x, p[1] - y, p[2]];
-        let length = d.iter().map(|v| v * v).sum::<f32>().sqrt();
-        d.map(|v| v / length)
-    };
-    let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
-    let [x, y, z]: [f32; 3] = std::array::from_fn(|k| a[k] + b[k]);
-    x.hypot(y) / z
+/// Half vector of camera and light at a texel, not normalised.
+pub(super) struct Half([f32; 3]);
+
+impl Half {
+    pub fn of(photograph: &Observation, texel: usize) -> Self {
+        let (width, height, view) = (photograph.width(), photograph.height(), &photograph.view);
+        let [x, y] = view.texel_mm(width, height, texel % width, texel / width);
+        let unit = |p: [f32; 3]| {
+            let d = [p[0] - x, p[1] - y, p[2]];
+            let length = d.iter().map(|v| v * v).sum::<f32>().sqrt();
+            d.map(|v| v / length)
+        };
+        let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
+        Self(std::array::from_fn(|k| a[k] + b[k]))
+    }
+
+    /// Tangent of the angle to a normal of any length; infinite beyond 90 degrees.
+    pub fn tangent_to(&self, normal: [f32; 3]) -> f32 {
+        let Self([x, y, z]) = *self;
+        let [a, b, c] = normal;
+        let cross = [y * c - z * b, z * a - x * c, x * b - y * a];
+        let along = x * a + y * b + z * c;
+        let across = cross.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if along > 0.0 { across / along } else { f32::INFINITY }
+    }
 }

@@ -49,11 +49,13 @@ fn of_photo(known: &Photometry, index: usize) -> Vec<Hint> {
 
 /// Hints about all photographs.
 fn of_all(board: &Board, known: &Photometry, found: &Examination) -> Vec<Hint> {
-    let veil = (known.veil > VEIL).then_some(Hint::Veiled { share: known.veil as f32 });
     let stays = found.stands_still.map(|times| Hint::LightStays { times: times as f32 });
     let glare = found.glare.map(|share| Hint::GlossyBoard { share: share as f32 });
     let size = board.target.square_mm;
     let [width, height] = [board.target.cols, board.target.rows].map(|n| f64::from(n) * size);
+    // Light on a part of the board resembles a veil.
+    let veil = (known.veil > VEIL && found.lit_places.is_none())
+        .then_some(Hint::Veiled { share: known.veil as f32 });
     // A fixed light also explains lit places.
     let lit = found.lit_places.filter(|_| stays.is_none());
     let lit = lit.map(|LitPlaces { share, ratio, board_mm }| Hint::OtherLight {

@@ -2,6 +2,7 @@
 //!
 //! The hints use all photographs and replace those given when each photograph was added.
 
+mod cores;
 mod fits;
 mod geometry;
 mod groups;
@@ -14,6 +15,7 @@ use super::hint::Hint;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
 use crate::observation::Observation;
+pub(super) use cores::core_errors;
 pub(super) use highlights::{LostHighlights, narrowest};
 
 /// Hints about the latest photograph of a board, without the maps.
