@@ -115,7 +115,8 @@ const DIRECTIONS: usize = 8;
 /// Whether the board was not found for lack of focus or because the camera moved: no edge of the image is sharp, or
 /// none across some direction. A step with contrast `c` and steepest slope `g` has a spread of `c / (sqrt(2 pi) g)`.
 pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> {
-    if !matches!(why, Rejection::BoardNotFound | Rejection::TooFewCorners { .. }) {
+    use Rejection::{BoardNotFound, PlacementAmbiguous, TooFewCorners};
+    if !matches!(why, BoardNotFound | TooFewCorners { .. } | PlacementAmbiguous { .. }) {
         return None;
     }
     let (w, h) = (luma.width, luma.height);
@@ -237,6 +238,10 @@ mod tests {
             let said = too_soft_to_find(&picture(blur, 0.6), &why);
             assert_eq!(said.is_some(), soft, "{blur}: {said:?}");
         }
+        // Few soft corners may fit in several places.
+        let ambiguous = Rejection::PlacementAmbiguous { found: 37 };
+        assert!(too_soft_to_find(&picture(9.0, 0.6), &ambiguous).is_some());
+        assert_eq!(too_soft_to_find(&picture(0.7, 0.6), &ambiguous), None);
         // Smeared along a direction, also one between those tested.
         let smeared = |degrees: f32, length: f32| {
             let (width, height) = (600, 450);

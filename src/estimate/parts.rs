@@ -18,6 +18,8 @@ pub struct Part {
     pub centre: [f32; 2],
     /// Ratio of the measured radiance to the prediction from the other photographs.
     pub ratio: f32,
+    /// Share of the highlight in that prediction, 0 to 1.
+    pub highlight: f32,
 }
 
 /// Outlier regions of a photograph.
@@ -34,7 +36,7 @@ pub(crate) struct Contradiction {
 impl Contradiction {
     /// No outlier.
     pub fn none(size: [usize; 2]) -> Self {
-        let part = Part { share: 0.0, centre: [0.5; 2], ratio: 1.0 };
+        let part = Part { share: 0.0, centre: [0.5; 2], ratio: 1.0, highlight: 0.0 };
         Self { size, cells: vec![false; size[0] * size[1]], part }
     }
 
@@ -68,7 +70,8 @@ impl Contradiction {
     /// Checks the ranges of values that were read.
     pub fn check(&self) -> Result<()> {
         let Self { size: [columns, rows], cells, part } = self;
-        let numbers = [part.share, part.centre[0], part.centre[1], part.ratio];
+        let [x, y] = part.centre;
+        let numbers = [part.share, x, y, part.ratio, part.highlight];
         let is_possible = (1..=MAX_SAVED_SIDE).contains(columns)
             && (1..=MAX_SAVED_SIDE).contains(rows)
             && cells.len() == columns * rows

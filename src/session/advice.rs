@@ -1,20 +1,20 @@
-//! What one photograph alone tells its user: its view and its values.
+//! Hints about a single photograph: its view and its pixel values.
 
 use super::hint::Hint;
 use crate::calibration::Target;
 use crate::calibration::photometry::{Photometry, Squares};
 use crate::geometry::Pose;
 
-/// A view less than this from an earlier one, seen from the sample, shows nothing new, degrees.
+/// A view shows nothing new if it differs from an earlier one by less than this angle at the sample, degrees, ...
 const NEW_DEGREES: f64 = 2.0;
-/// The same for the distance, relative.
+/// ... and by less than this distance, relative.
 const NEW_DISTANCE: f64 = 0.1;
-/// Black over white as printed: ink on paper lies well inside.
+/// Plausible ratios of black to white; ink on paper lies well inside.
 const BLACK_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.006..=0.2;
-/// Gray patch over white one. As printed with the sRGB curve it is 0.21; printers differ widely.
+/// Plausible ratios of the gray patch to the white one. The sRGB curve gives 0.21; printers differ widely.
 const GRAY_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.08..=0.4;
 
-/// The earlier photograph with nearly the same view.
+/// The hint about an earlier photograph with nearly the same view.
 pub(super) fn nothing_new(earlier: &[Pose], new: &Pose) -> Option<Hint> {
     let centre = new.camera_centre();
     let turn = |pose: &Pose| {
@@ -25,14 +25,14 @@ pub(super) fn nothing_new(earlier: &[Pose], new: &Pose) -> Option<Hint> {
         let other = pose.camera_centre();
         other.angle_between(centre).to_degrees() < NEW_DEGREES
             && (other.length() / centre.length()).ln().abs() < NEW_DISTANCE
-            // Turned about the line of sight the flash comes from elsewhere.
+            // Turned about the line of sight, the flash comes from another direction.
             && turn(pose).to_degrees() < 4.0 * NEW_DEGREES
     };
     earlier.iter().position(same).map(|index| Hint::NothingNew { index })
 }
 
-/// Whether black squares and the gray patch have the values of linear photographs, or have them now
-/// that the camera's tone curve is undone.
+/// The hint if black squares or the gray patch do not have linear values, or have them only without the camera's tone
+/// curve.
 pub(super) fn linearity(
     squares: &Squares,
     target: &Target,
@@ -40,7 +40,7 @@ pub(super) fn linearity(
 ) -> Option<Hint> {
     let nominal = target.black_albedo / target.white_albedo;
     let black = nominal * photometry.black_ratio.iter().sum::<f64>() / 3.0;
-    // Without an estimate of the black squares the ratio is the nominal one.
+    // The nominal ratio if the black squares were not estimated.
     let hint = |what, ratio: f64, undone| {
         let ratio = photometry.tone.stored_ratio(ratio as f32);
         Some(Hint::NotLinear { what, ratio, undone })
@@ -48,7 +48,7 @@ pub(super) fn linearity(
     if nominal > 0.0 && !BLACK_OVER_WHITE.contains(&black) {
         return hint("black", black, false);
     }
-    // The patches are not seen where they are out of view or covered, or the board was printed without them.
+    // `None` for patches out of view, covered or not printed.
     let linear =
         |value: [f32; 3]| photometry.tone.undone(value).into_iter().map(f64::from).sum::<f64>();
     let [_, gray, white] = squares.patches.unwrap_or_default().map(linear);
@@ -95,7 +95,7 @@ mod tests {
             if black { target.black_albedo } else { target.white_albedo }
         };
         let light = pose.camera_centre();
-        // Squares whose blacks are so many times as bright as the target states.
+        // Black squares `ratio` times as bright as the target states.
         let known = |ratio| Photometry {
             tone: ToneCurve::default(),
             tone_sigma: [0.0; 3],
@@ -112,6 +112,7 @@ mod tests {
             veil: 0.0,
             veil_sigma: 0.0,
             local_tone: 0.0,
+            local_scale: 0,
             photo_sigma: vec![0.01],
             black_ratio: [ratio; 3],
             sigma: 0.01,
@@ -129,12 +130,12 @@ mod tests {
             linearity(&measured(&photo), &target, &known(1.0)).map(|h| h.to_string())
         };
         assert_eq!(hint(&|v| v), None);
-        // Encoded values taken for linear ones: the gray of 0.2 becomes one of 0.5.
+        // sRGB values read as linear: the gray of 0.2 becomes one of 0.5.
         let said = hint(&|v| v.powf(1.0 / 2.2)).unwrap();
         assert!(said.contains("gray is 0.5") && said.contains("turn tone mapping off"), "{said}");
         let said = hint(&|v| v.powf(2.2)).unwrap();
         assert!(said.contains("gray is 0.0"), "{said}");
-        // The same with a curve known that undoes it.
+        // The same with a known curve that undoes it.
         let rgb = |curve: &dyn Fn(f64) -> f64| {
             let linear = photograph(&camera, &pose, 2, |p, _| [0.9 * albedo(p); 3]);
             linear.into_iter().map(|v| curve(f64::from(v)) as f32).collect()
@@ -144,14 +145,14 @@ mod tests {
         let curved = Photometry { tone, ..known(1.0) };
         let encoded = photo(rgb(&|v| v.powf(1.0 / 2.2)));
         let said = linearity(&measured(&encoded), &target, &curved).unwrap();
-        // 0.0625 as the file has it.
+        // The ratio 0.0625 as stored.
         let Hint::NotLinear { what: "black", ratio, undone: true } = said else { panic!("{said}") };
         assert!((ratio - 0.0625_f32.powf(1.0 / 2.2)).abs() < 0.002, "{ratio}");
         assert!(said.to_string().contains("estimated and undone"), "{said}");
-        // A curve that does not: linear values look like those of another curve then.
+        // A curve that does not fit: linear values then look curved.
         let said = linearity(&measured(&photo(rgb(&|v| v))), &target, &curved).unwrap();
         assert!(matches!(said, Hint::NotLinear { undone: false, .. }), "{said}");
-        // Black squares alone tell it too: 0.0625 as printed.
+        // Black squares alone, printed with a ratio of 0.0625.
         let plain = Target { patches: false, ..target.clone() };
         for (ratio, odd) in [(1.0, false), (4.0, true), (0.05, true)] {
             let known = known(ratio);

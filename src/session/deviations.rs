@@ -1,8 +1,10 @@
-//! How far maps may be off by what photographs of a capture leave open, beside what their residuals tell.
+//! Standard deviations of the maps, including ambiguities of the capture that residuals do not show:
 //!
-//! - **Lost highlights.** Where each highlight is saturated, tails show the product of F0 and the square of alpha
-//!   alone. Deviations then cover all F0 that materials have, and the roughness that belongs to each.
-//! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly; albedos take that up.
+//! - **Lost highlights.** Where every highlight is saturated, the tails determine only the product of F0 and alpha².
+//!   Deviations then cover the F0 of all materials, with the roughness that belongs to each.
+//! - **Unexplained cores.** Where a photograph shows the core of a highlight and the maps do not explain it, F0 and
+//!   roughness are off by what the core and the tails allow.
+//! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly, which changes the albedos.
 
 use crate::Result;
 use crate::assessment::Evidence;
@@ -11,16 +13,16 @@ use crate::svbrdf::channel;
 use crate::uncertainty::Uncertainty;
 
 use super::capture::{Board, Capture};
-use super::diagnosis::{LostHighlights, narrowest};
+use super::diagnosis::{LostHighlights, core_errors, narrowest};
 
 /// F0 of dielectrics and of the brightest metals.
 const F0: [f32; 2] = [0.04, 1.0];
-/// Planes of a [`Uncertainty`].
+/// Planes of an [`Uncertainty`].
 const DIFFUSE: usize = 1;
 const SPECULAR: usize = 2;
 const ROUGHNESS: usize = 3;
 
-/// Deviations of the maps that `evidence` is about, with the rectified photographs of the capture.
+/// Deviations of the maps of `evidence`, with the rectified photographs of the capture.
 pub(super) fn of_maps(
     evidence: &Evidence,
     capture: &Capture,
@@ -42,9 +44,16 @@ pub(super) fn of_maps(
             let highlight = narrowest(maps, texel);
             let [of_f0, of_roughness] = of_tails(f0, highlight);
             widen(SPECULAR, texel, of_f0);
-            // Bare metal looks like a coat on black where only tails are seen.
+            // Where only tails are visible, bare metal looks like a coat on black.
             let coated = maps.plane(channel::ROUGHNESS)[texel] - highlight;
             widen(ROUGHNESS, texel, of_roughness.hypot(coated));
+        }
+    }
+    for (texel, log) in core_errors(maps, photographs).into_iter().enumerate() {
+        if log != 0.0 {
+            let [of_f0, of_roughness] = of_core(log);
+            widen(SPECULAR, texel, of_f0 * mean(channel::SPECULAR, texel));
+            widen(ROUGHNESS, texel, of_roughness * narrowest(maps, texel));
         }
     }
     let brightness = capture.board().map_or(0.0, Board::height_brightness) as f32;
@@ -57,21 +66,42 @@ pub(super) fn of_maps(
     Uncertainty::from_planes(width, height, planes)
 }
 
-/// Root mean squares of what F0 and roughness may be off by, with the product of F0 and the fourth power of roughness
-/// known and every possible F0 as likely as another.
+/// Root mean square errors of F0 and roughness if only F0 roughness⁴ is known and F0 is uniformly distributed.
 fn of_tails(f0: f32, roughness: f32) -> [f32; 2] {
     let [low, high] = F0;
     let f0 = f0.clamp(low, high);
     let of_f0 = ((high - f0).powi(3) - (low - f0).powi(3)) / (3.0 * (high - low));
-    // Roughness is as the power -1/4 of F0.
+    // Roughness is proportional to the power -1/4 of F0.
     let mean_power = |p: f32| (high.powf(1.0 - p) - low.powf(1.0 - p)) / (1.0 - p) / (high - low);
     let relative = f0.sqrt() * mean_power(0.5) - 2.0 * f0.powf(0.25) * mean_power(0.25) + 1.0;
     [of_f0.sqrt(), roughness * relative.max(0.0).sqrt()]
 }
 
+/// Relative errors of F0 and roughness that explain a core `exp(log)` times as bright as rendered. With the tails known,
+/// the peak, F0 / (4 alpha²), goes with F0², and roughness with the power -1/4 of F0. The median over a core that is
+/// taken for too wide is about half the peak's logarithm.
+fn of_core(log: f32) -> [f32; 2] {
+    [(log.exp() - 1.0).abs(), ((-0.25 * log).exp() - 1.0).abs()]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A metal that a fit takes for something wider and darker with the same tails.
+    #[test]
+    fn cores_tell_how_far_f0_and_roughness_are_off() {
+        for (f0, fitted) in [(0.9_f32, 0.2_f32), (0.5, 0.04), (0.3, 0.6)] {
+            let alpha = 0.1_f32;
+            let alpha_fitted = alpha * (f0 / fitted).sqrt();
+            let peak = |f0: f32, alpha: f32| f0 / (4.0 * alpha * alpha);
+            let log = 0.5 * (peak(f0, alpha) / peak(fitted, alpha_fitted)).ln();
+            let [of_f0, of_roughness] = of_core(log);
+            assert!((fitted * of_f0 - (f0 - fitted).abs()).abs() < 1e-4, "{f0} {fitted}");
+            let [true_, found] = [alpha, alpha_fitted].map(f32::sqrt);
+            assert!((found * of_roughness - (true_ - found).abs()).abs() < 1e-4, "{f0} {fitted}");
+        }
+    }
 
     /// Means over draws.
     #[test]

@@ -309,7 +309,7 @@ mod tests {
     fn groups_and_places_are_named() {
         assert_eq!(Group::of([2]).to_string(), "photo 3");
         assert_eq!(Group::of([0, 4, 1]).to_string(), "photos 1, 2 and 5");
-        let part = Part { share: 0.124, centre: [0.2, 0.5], ratio: 0.713 };
+        let part = Part { share: 0.124, centre: [0.2, 0.5], ratio: 0.713, highlight: 0.1 };
         let said = |height_unknown| Hint::PartContradicts { part, height_unknown }.to_string();
         let [sun, height] = [false, true].map(said);
         assert!(sun.contains("(12 % of the sample, left) is 0.71 times"), "{sun}");

@@ -35,6 +35,8 @@ pub(super) struct Deviation {
     pub log: f32,
     /// Root mean square of the colours' logarithms, in expected standard deviations.
     pub sigmas: f32,
+    /// Share of the highlight in the predicted radiance.
+    pub highlight: f32,
 }
 
 /// The cells of all photographs; `None` where a photograph has weight 0 or cannot be judged.
@@ -85,6 +87,7 @@ pub(super) fn deviations(
     };
     let deviation = |raw: Raw| Deviation {
         log: raw.log,
+        highlight: raw.highlight,
         sigmas: raw.rms / (raw.variance + usual * usual + (NOISE * NOISE) as f32).sqrt(),
     };
     let photographs: Vec<Vec<Option<Deviation>>> = each
@@ -101,6 +104,7 @@ struct Raw {
     log: f32,
     rms: f32,
     variance: f32,
+    highlight: f32,
 }
 
 /// Maps of the cells, fitted to photographs.
@@ -153,7 +157,8 @@ fn left_out(
         let (rendered, jacobian) = logarithms(&own, &point);
         let covariance = information.cholesky()?.inverse();
         let variance = (jacobian * covariance * jacobian.transpose()).trace() / 3.0;
-        let highlight = highlight(&own, &point).max(highlight(&own, &Point::new(of_all, t, place)));
+        let predicted = highlight(&own, &point);
+        let highlight = predicted.max(highlight(&own, &Point::new(of_all, t, place)));
         let variance = variance + (HIGHLIGHT_ERROR * highlight).powi(2);
         let log = std::array::from_fn::<f64, 3, _>(|c| {
             let measured = f64::from(photograph.radiance(c, t));
@@ -169,7 +174,8 @@ fn left_out(
         if mean > 0.0 && tilt(&photograph.view, place) < nearest - NEARER {
             return None;
         }
-        let raw = Raw { log: mean as f32, rms: rms as f32, variance: variance as f32 };
+        let [log, rms, variance, highlight] = [mean, rms, variance, predicted].map(|v| v as f32);
+        let raw = Raw { log, rms, variance, highlight };
         (raw.rms.is_finite() && raw.variance.is_finite()).then_some(raw)
     };
     Ok((0..maps.texels()).map(cell).collect())

@@ -114,10 +114,13 @@ fn region(
         let at = |cell: usize| if k == 0 { cell % size[0] } else { cell / size[0] };
         inside.iter().map(|&cell| at(cell) as f32 + 0.5).sum::<f32>() / (count * size[k] as f32)
     };
-    let mut logs: Vec<f32> = clear.iter().filter_map(|&cell| Some(cells[cell]?.log)).collect();
+    let usual = |of: fn(Deviation) -> f32| {
+        let mut all: Vec<f32> = clear.iter().filter_map(|&cell| cells[cell].map(of)).collect();
+        median(&mut all).unwrap_or(0.0)
+    };
     let share = count / cells.len() as f32;
-    let part =
-        Part { share, centre: [place(0), place(1)], ratio: median(&mut logs).unwrap_or(0.0).exp() };
+    let (ratio, highlight) = (usual(|d| d.log).exp(), usual(|d| d.highlight));
+    let part = Part { share, centre: [place(0), place(1)], ratio, highlight };
     Region { cells: (0..cells.len()).map(with_border).collect(), clear, part }
 }
 

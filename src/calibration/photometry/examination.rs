@@ -35,6 +35,8 @@ const PLACE_PHOTOS: usize = 3;
 /// A fixed light must lower the robust deviation to this ratio, while the flash must have moved this far, mm.
 const STANDS_STILL: f64 = 0.6;
 const MOVED_MM: f64 = 40.0;
+/// A phone's flash is nearer to the camera than this, mm.
+const NEAR_FLASH_MM: f64 = 100.0;
 /// Squares within this angle of the mirror direction may glare, degrees.
 const GLARE_DEG: f64 = 10.0;
 /// Black squares this much too bright (log) glare. Glare is the print's fault from this number and
@@ -178,7 +180,15 @@ fn residuals(
     let (pose, squares) = photo;
     let photo = Lit::new(target, known, index, photo);
     let (light, eye) = (pose.to_board(photo.offset), pose.camera_centre());
+    let log_around = |square: &Square| f64::from(square.around[known.local_scale]).max(1e-9).ln();
+    let count = squares.squares.len().max(1) as f64;
+    let usual = squares.squares.iter().map(log_around).sum::<f64>() / count;
+    // With a flash far from the camera, it may stand in for a light that does not move.
+    let is_near = known.flash_offset_mm.length() < NEAR_FLASH_MM;
+    let local_tone = if is_near { known.local_tone } else { 0.0 };
     let of = |square: &Square| {
+        // Local tone mapping darkened the square by this.
+        let darkened = local_tone * (log_around(square) - usual);
         let (tan2, albedo) = (photo.tan2(square.board_mm), photo.albedo(square.white));
         let undone = photo.undone(square.value.map(|v| v.unwrap_or(0.5)));
         let clear = photo.clear(square.white, square.board_mm);
@@ -195,8 +205,8 @@ fn residuals(
             white: square.white,
             board_mm: square.board_mm,
             px: square.px,
-            log: log / count,
-            log_value: log_value / count,
+            log: log / count + darkened,
+            log_value: log_value / count + darkened,
             u: 0.5 * (1.0 + tan2).ln(),
             half_deg: half_deg(light, eye, square.board_mm),
         })

@@ -60,6 +60,8 @@ pub(super) struct Solution {
     pub veil: [f64; 2],
     /// Exponent of the darkening by bright surroundings, and its standard deviation.
     pub local_tone: [f64; 2],
+    /// Index of the surroundings' scale for that.
+    pub local_scale: usize,
     pub offset_mm: DVec3,
     pub offset_sigma_mm: DVec3,
     /// True over nominal albedo of black squares.
@@ -350,6 +352,7 @@ impl<'a> Fit<'a> {
             log_gain: frames.clone().map(log_gain).collect(),
             veil: [theta[VEIL], spread(VEIL)],
             local_tone: [theta[LOCAL], spread(LOCAL)],
+            local_scale: self.problem.local_scale,
             black_ratio: three(BLACK).map(f64::exp),
             tone: three(TONE),
             tone_covariance: std::array::from_fn(|i| std::array::from_fn(|j| free(i, j))),

@@ -152,7 +152,7 @@ impl Light {
 }
 
 /// Whether local tone mapping is significant.
-fn is_local(solution: &fit::Solution) -> bool {
+pub(super) fn is_local(solution: &fit::Solution) -> bool {
     let [exponent, deviation] = solution.local_tone;
     exponent > LOCAL_LEAST.max(LOCAL_SIGNIFICANCE * deviation)
 }

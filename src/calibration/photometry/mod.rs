@@ -59,6 +59,8 @@ const MAX_AMBIENT: f64 = 0.5;
 const ANY_AMBIENT: f64 = 0.98;
 /// Misfit by which more ambient light than that must explain a photograph better.
 const NO_FLASH_EVIDENCE: f64 = 9.0;
+/// Misfit by which a flash with local tone mapping must explain a photograph better than even light.
+const LOCAL_TONE_EVIDENCE: f64 = 30.0;
 /// Share of clipped white squares that leaves the light undetermined.
 const MAX_CLIPPED: f32 = 0.4;
 /// Standard deviation of lens and flash exponents below their mean in the test for a flash; they
@@ -327,7 +329,9 @@ impl PhotometricCalibrator {
             misfit(&flash, problem) - misfit(&even, &any) < NO_FLASH_EVIDENCE
         };
         // Tone mapping makes the light look more even.
-        leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
+        leaves_room(&problem)
+            || leaves_room(&problem.with_tone_curve())
+            || is_locally_mapped(&samples, &shots, &problem)
     }
 
     fn estimate(&self) -> Photometry {
@@ -358,11 +362,26 @@ impl PhotometricCalibrator {
             veil: solution.veil[0],
             veil_sigma: solution.veil[1],
             local_tone: solution.local_tone[0],
+            local_scale: solution.local_scale,
             black_ratio: solution.black_ratio,
             sigma: solution.sigma,
             photo_sigma: solution.photo_sigma,
         }
     }
+}
+
+/// Whether a flash with local tone mapping explains the squares much better than any even light.
+fn is_locally_mapped(samples: &[Sample], shots: &[Shot], problem: &Problem) -> bool {
+    let even = Problem { ambient_max: ANY_AMBIENT, ..*problem };
+    let solved = |problem: Problem| (fit::solve(samples, shots, &problem, None), problem);
+    let (even, mapped) = (solved(even), |scale| solved(problem.with_local_tone(scale)));
+    (0..Surround::SCALES.len()).map(mapped).any(|mapped| {
+        let sigma = mapped.0.sigma.max(fit::TONE_MIN_SIGMA);
+        let left = |(solution, problem): &(fit::Solution, Problem)| {
+            fit::misfit(samples, shots, problem, solution, sigma)
+        };
+        light::is_local(&mapped.0) && left(&even) - left(&mapped) > LOCAL_TONE_EVIDENCE
+    })
 }
 
 #[cfg(test)]

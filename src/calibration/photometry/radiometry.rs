@@ -86,6 +86,8 @@ pub struct Photometry {
     pub veil_sigma: f64,
     /// Exponent of darkening by bright surroundings, all photos.
     pub local_tone: f64,
+    /// Index of the surroundings' scale for that, finest first.
+    pub local_scale: usize,
     /// Response over the photo, all photos.
     pub vignetting: Vignetting,
     /// Direction dependence of the flash's intensity.

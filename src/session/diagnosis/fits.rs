@@ -1,21 +1,25 @@
-//! How the maps explain photographs: contradictions, and materials outside the model.
+//! Hints from the residuals of the fit: contradictions, and materials outside the model.
 
 use super::material;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
+use crate::estimate::Part;
 use crate::observation::Observation;
 use crate::session::capture::Board;
 use crate::session::hint::{Group, Hint};
 use crate::statistics::median;
 
-/// The least residual, and how many times the usual one, that is called a contradiction: a false word is worse
-/// than none, and photographs that agree leave some hundredths, glossy ones more.
+/// Least residual of a contradiction, absolute and relative to the median photograph's. Photographs that agree leave
+/// some hundredths, glossy ones more; a false hint is worse than none.
 const CONTRADICTING_RESIDUAL: f32 = 0.08;
 const CONTRADICTING_TIMES: f32 = 2.5;
-/// A height known worse than this may explain parts that contradict the others, mm.
+/// A standard deviation of the height above this may explain contradicting parts, mm.
 const HEIGHT_SIGMA_MM: f64 = 2.0;
+/// Share of the highlight in a prediction above which a darker part is a wrong prediction: the highlights of brushed
+/// metal and of flakes turn with directions that a few photographs do not tell.
+const ALL_HIGHLIGHT: f32 = 0.8;
 
-/// Adds what the residuals of the maps tell.
+/// Adds the hints.
 pub(super) fn tell(
     board: Option<&Board>,
     maps: Option<&Svbrdf>,
@@ -32,7 +36,7 @@ pub(super) fn tell(
         members.for_each(|i| hints[i].push(Hint::TwoGroups { group }));
         return;
     }
-    // A wrong light contradicts everything.
+    // With a wrong light, every photograph contradicts the others.
     if hints.iter().flatten().any(|hint| matches!(hint, Hint::LightStays { .. })) {
         return;
     }
@@ -52,8 +56,13 @@ pub(super) fn tell(
         let residual = fit.residual;
         if contradicts(fit) {
             hints.push(Hint::Contradicts { residual, usual });
-        } else if let Some(part) = fit.part {
+        } else if let Some(part) = fit.part.filter(|part| !is_missing_highlight(part)) {
             hints.push(Hint::PartContradicts { part, height_unknown });
         }
     }
+}
+
+/// Whether a part only lacks a highlight that the other photographs predict.
+fn is_missing_highlight(part: &Part) -> bool {
+    part.ratio < 1.0 && part.highlight > ALL_HIGHLIGHT
 }

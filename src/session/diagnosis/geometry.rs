@@ -1,4 +1,4 @@
-//! Corners of the board in all photographs together.
+//! Hints from the corners of the board in all photographs.
 
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
@@ -8,24 +8,24 @@ use crate::session::capture::{Board, Capture, Photograph};
 use crate::session::hint::Hint;
 use crate::statistics::median;
 
-/// Corners off by this, mm, and by so many standard deviations of their mean, lie elsewhere.
+/// Least deviation of a displaced corner: mm, and standard deviations of its mean over the photographs.
 const OFF_MM: f64 = 0.12;
 const OFF_SIGMAS: f64 = 4.0;
-/// Share of the corners that makes it the board's fault, and photographs that show a corner.
+/// Least share of displaced corners that is a fault of the board, and fewest photographs of a corner.
 const OFF_SHARE: f64 = 0.07;
 const PHOTOS: usize = 2;
-/// Of one photograph's own optical axis: relative standard deviation of its focal length, deviation from which on
-/// nothing is known and least deviation, parts of the long side; standard deviations that are clear, and axes
-/// that tell of the usual one.
+/// Prior of a single photograph's focal length: relative standard deviation.
 const OWN_FOCAL_SIGMA: f64 = 0.02;
+/// Largest usable and least assumed standard deviation of an optical axis, relative to the long side.
 const AXIS_KNOWN: f64 = 0.02;
 const AXIS_FLOOR: f64 = 0.006;
-/// Views nearer to the vertical confuse their axis with their pose, radians.
+/// In views nearer to the vertical than this, radians, the axis is correlated with the pose.
 const AXIS_TILT: f64 = 0.17;
+/// Least significant deviation of an axis in standard deviations, and fewest axes that determine the usual one.
 const AXIS_SIGMAS: f64 = 6.0;
 const AXES_MIN: usize = 3;
 
-/// Adds what the corners tell.
+/// Adds the hints.
 pub(super) fn of_capture(capture: &Capture, hints: &mut [Vec<Hint>]) {
     let Some(board) = capture.board() else { return };
     if let Some((mm, share)) = bent(board) {
@@ -38,8 +38,8 @@ pub(super) fn of_capture(capture: &Capture, hints: &mut [Vec<Hint>]) {
     }
 }
 
-/// How far each photograph's optical axis lies from that of most, px, where that is clear: from its own corners, with
-/// focal length and distortion as known from all.
+/// Distance of each photograph's optical axis from the median one, px, where significant. Each axis is estimated from
+/// the photograph's own corners, with the focal length and distortion of all photographs as prior.
 fn cropped(board: &Board) -> Vec<Option<f64>> {
     let own = |photograph: &Photograph| {
         let camera = board.camera().filter(|_| photograph.pose.view_angle() > AXIS_TILT)?;
@@ -73,7 +73,7 @@ fn cropped(board: &Board) -> Vec<Option<f64>> {
     all.iter().map(|own| own.as_ref().and_then(off)).collect()
 }
 
-/// How far corners lie off in all photographs alike: median of those that do, mm, and their share.
+/// Corners displaced alike in all photographs: their median displacement, mm, and their share.
 fn bent(board: &Board) -> Option<(f64, f64)> {
     let mut corners: BTreeMap<(u32, u32), Vec<DVec2>> = BTreeMap::new();
     for photograph in &board.photographs {
@@ -82,7 +82,7 @@ fn bent(board: &Board) -> Option<(f64, f64)> {
         for corner in &photograph.measured.corners {
             let plan = board.target.grid_mm(corner.row.into(), corner.col.into());
             let at = board.paper.paper.place(&board.target, plan);
-            // Where the line of sight meets the board's plane at the corner's height.
+            // Intersection of the line of sight with the plane at the corner's height.
             let ray = pose.rotation.transpose() * camera.undistort(corner.px).extend(1.0);
             let eye: DVec3 = pose.camera_centre();
             let seen = eye + ray * ((at.z - eye.z) / ray.z);

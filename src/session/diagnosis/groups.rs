@@ -1,42 +1,44 @@
-//! Photographs that fall into two groups: of two samples, or of one that lies elsewhere, or turned, on the board.
+//! Photographs in two groups: of two samples, or of one sample that was moved or turned on the board.
 //!
-//! The fine detail of log radiance is, in a texel, its own albedo and its own slopes in the direction of the light:
-//! over a sample, details of two photographs `i`, `j` have the covariance `a² + s² t_i . t_j`, with `t` the
-//! horizontal part of the light's direction, whatever the sample, if it is the same texels that both show. Of
-//! other texels they have none. The labels are looked for that explain the correlations of all pairs best.
+//! The fine detail of a texel's log radiance comes from its albedo and from its slopes along the direction of the
+//! light. Over a sample, the details of photographs `i` and `j` have the covariance `a² + s² t_i . t_j`, where `t` is
+//! the horizontal part of the light's direction, if both show the same texels; otherwise they have none. The search
+//! looks for the division that explains the correlations of all pairs best.
 //!
-//! Contrast that changes with the angle (bare metal beside paint) divides photographs as well: steep views correlate with
-//! oblique ones now more, now less, even negatively. Hence two groups must show that they do not see the same
-//! texels: nothing correlates between them, or everything does once one group is shifted.
+//! Contrast that changes with the angle (bare metal beside paint) divides photographs as well: steep views correlate
+//! with oblique ones now more, now less, even negatively. Two groups must therefore prove that they show different
+//! texels: their details do not correlate at all, or they correlate well once one group is shifted.
 
 use crate::observation::Observation;
 use crate::parallel;
 use crate::session::hint::Group;
 
-/// Photographs in a group, at least: a single one is a matter of contradictions.
+/// Fewest photographs in a group. A single one is a contradiction instead.
 const LEAST: usize = 2;
-/// Photographs up to which all divisions are tried; of more, those in their order.
+/// Most photographs of which all divisions are tried; with more, only divisions in their order.
 const ALL_DIVISIONS: usize = 10;
-/// What a division must leave of the misfit of correlations without one.
-const LEFT: f64 = 0.4;
-/// Correlations inside groups, at least, and those between them in relation to these, at most.
+/// Largest misfit of the correlations with a division, relative to that without one.
+const LEFT: f64 = 0.5;
+/// Least mean correlation inside groups, and largest one between them relative to it.
 const INSIDE: f64 = 0.15;
 const BETWEEN: f64 = 0.45;
-/// Correlations between groups that are none, root mean square in relation to those inside.
+/// Largest root mean square correlation between unrelated groups, relative to that inside.
 const NOTHING: f64 = 0.2;
-/// Shifts that are tried, part of the sample's side, in steps that the first look takes, texels; and the correlation
-/// that the right one restores, in relation to those inside.
+/// Largest shift tried, relative to the sample's side; step of the first search, texels; least correlation that the
+/// right shift restores, relative to that inside.
 const SHIFT: f32 = 0.06;
 const STRIDE: usize = 3;
 const RESTORED: f64 = 0.6;
-/// Radius of what counts as detail, part of the sample's side.
+/// Radius of detail, relative to the sample's side.
 const DETAIL: f32 = 0.03;
-/// Half vectors nearer to the normal show a highlight, which is no albedo, degrees.
+/// Border of the sample that is left out, relative to its side: edges are alike in all photographs.
+const BORDER: f32 = 0.015;
+/// Half vectors nearer to the normal show a highlight instead of albedo, degrees.
 const HIGHLIGHT_DEG: f32 = 10.0;
-/// Texels that two photographs must share.
+/// Fewest texels that two photographs share.
 const SHARED: usize = 500;
 
-/// The smaller of two groups that contradict each other, if there are.
+/// The smaller of two groups that contradict each other, if any.
 pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
     let n = photographs.len();
     if n < 2 * LEAST {
@@ -71,7 +73,7 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
         let (sum, count) = each.fold((0.0, 0.0), |(s, n), p| (s + p.correlation, n + 1.0));
         (count > 0.0).then(|| sum / count)
     };
-    // Each group by itself shows one texture: seen from above, relief shows none.
+    // Each group must show one texture. Relief shows none from above.
     let inside = [0, 1].map(|group| mean(&|[a, b]| a == group && b == group));
     let inside = inside[0]?.min(inside[1]?);
     let between = mean(&|[a, b]| a != b)?;
@@ -86,11 +88,11 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
     divided.then(|| if smaller { Group::of(members) } else { Group::of(others) })
 }
 
-/// How alike the details of two photographs are.
+/// Correlation of the details of two photographs.
 struct Pair {
     members: [usize; 2],
     correlation: f64,
-    /// Product of the horizontal parts of the directions of their lights.
+    /// Scalar product of the horizontal parts of the directions to their lights.
     lights: f64,
 }
 
@@ -101,7 +103,7 @@ impl Pair {
     }
 }
 
-/// Whether the photographs of two groups, inside which details correlate so, show other texels.
+/// Whether two groups show different texels. `inside` is the mean correlation inside the groups.
 fn are_other_texels(details: &[Detail], pairs: &[Pair], mask: u64, inside: f64) -> bool {
     let between = || pairs.iter().filter(|p| !p.is_inside(mask));
     let count = between().count().max(1) as f64;
@@ -109,7 +111,7 @@ fn are_other_texels(details: &[Detail], pairs: &[Pair], mask: u64, inside: f64) 
     if square.sqrt() < NOTHING * inside {
         return true;
     }
-    // Lights from about the same direction show the same detail.
+    // Lights from similar directions show the same detail.
     let apart = |p: &&Pair| {
         let [a, b] = p.members.map(|i| details[i].towards_light);
         (a[0] - b[0]).hypot(a[1] - b[1])
@@ -130,7 +132,7 @@ fn are_other_texels(details: &[Detail], pairs: &[Pair], mask: u64, inside: f64) 
     restored.is_some_and(|correlation| correlation > RESTORED * inside)
 }
 
-/// Mean square of what albedo and slopes leave of the correlations, those between groups being none.
+/// Mean squared residual of the correlations, explained by albedo and slopes inside groups and by nothing between them.
 fn misfit(pairs: &[Pair], mask: u64) -> f64 {
     let inside = || pairs.iter().filter(|p| p.is_inside(mask));
     let sum = |f: &dyn Fn(&Pair) -> f64| inside().map(f).sum::<f64>();
@@ -140,7 +142,7 @@ fn misfit(pairs: &[Pair], mask: u64) -> f64 {
     let both = (determinant > 1e-9 * n * tt)
         .then(|| [(r * tt - rt * t) / determinant, (n * rt - t * r) / determinant]);
     let least = |v: f64| v.max(0.0);
-    // Variances: where one would be negative, it is none.
+    // Both are variances: negative solutions become 0.
     let [albedo, slopes] = match both {
         Some([a, s]) if a >= 0.0 && s >= 0.0 => [a, s],
         Some([a, _]) if a < 0.0 && tt > 0.0 => [0.0, least(rt / tt)],
@@ -153,11 +155,11 @@ fn misfit(pairs: &[Pair], mask: u64) -> f64 {
     pairs.iter().map(left).sum::<f64>() / pairs.len().max(1) as f64
 }
 
-/// Fine detail of a photograph.
+/// The fine detail of a photograph.
 struct Detail {
-    /// Log radiance less its mean around; `None` where a highlight is, or nothing is seen.
+    /// Log radiance minus its local mean; `None` in highlights and where nothing is visible.
     values: Vec<Option<f32>>,
-    /// Texels along the horizontal side.
+    /// Texels along a row.
     width: usize,
     /// Horizontal part of the direction of the light over its vertical part.
     towards_light: [f32; 2],
@@ -168,8 +170,10 @@ impl Detail {
         let (w, h) = (photograph.width(), photograph.height());
         let view = &photograph.view;
         let limit = HIGHLIGHT_DEG.to_radians().cos();
+        let border = (BORDER * w.max(h) as f32).ceil() as usize;
+        let inside = |i: usize, n: usize| (border..n.saturating_sub(border)).contains(&i);
         let log = |t: usize| {
-            if photograph.weight(t) <= 0.0 {
+            if photograph.weight(t) <= 0.0 || !inside(t % w, w) || !inside(t / w, h) {
                 return None;
             }
             let [x, y] = view.texel_mm(w, h, t % w, t / w);
@@ -196,7 +200,7 @@ impl Detail {
     }
 }
 
-/// Means over squares round each texel of what is there; `None` where most is not.
+/// Means over the square round each texel; `None` where most of its values are missing.
 fn box_means(values: &[Option<f32>], w: usize, h: usize, radius: usize) -> Vec<Option<f32>> {
     let stride = w + 1;
     let mut sums = vec![[0.0_f64; 2]; stride * (h + 1)];
@@ -222,22 +226,22 @@ fn box_means(values: &[Option<f32>], w: usize, h: usize, radius: usize) -> Vec<O
     (0..w * h).map(mean).collect()
 }
 
-/// `None` where too little is seen in both.
+/// `None` if the photographs share too few texels.
 fn correlation(a: &Detail, b: &Detail) -> Option<f64> {
     correlation_shifted(a, b, [0, 0], 1)
 }
 
-/// The same with `b` shifted by so many texels; of every so-manyth texel of every row.
+/// The same with `b` shifted, texels, from every `stride`-th texel of each row.
 fn correlation_shifted(a: &Detail, b: &Detail, [dx, dy]: [isize; 2], stride: usize) -> Option<f64> {
     let (w, h) = (a.width, a.values.len() / a.width.max(1));
     let (mut ab, mut aa, mut bb, mut count) = (0.0_f64, 0.0, 0.0, 0);
     for y in 0..h {
         let Some(from) = y.checked_add_signed(dy).filter(|y| *y < h) else { continue };
-        // Rows begin at different places, lest a texture of columns be seen in some only.
+        // Rows start at different columns, so that a texture of columns is sampled evenly.
         for x in (y % stride..w).step_by(stride) {
             let Some(other) = x.checked_add_signed(dx).filter(|x| *x < w) else { continue };
             if let (Some(a), Some(b)) = (a.values[y * w + x], b.values[from * w + other]) {
-                // No speck of dust counts more than a texture.
+                // Specks of dust must not outweigh the texture.
                 let (a, b) = (f64::from(a.clamp(-0.5, 0.5)), f64::from(b.clamp(-0.5, 0.5)));
                 (ab, aa, bb, count) = (ab + a * b, aa + a * a, bb + b * b, count + stride);
             }

@@ -1,42 +1,38 @@
-//! Highlights whose shape is lost: all that photographs show of them unsaturated is their tails.
+//! Saturated highlights of which photographs show only the tails.
 //!
-//! Far from its peak a lobe of GGX shows the product of F0 and the square of alpha alone: a narrow and bright highlight
-//! then looks like a wide and dim one.
+//! Far from its peak a GGX lobe depends on the product of F0 and alpha² alone: a narrow, bright highlight looks like a
+//! wide, dim one.
 
 use crate::Svbrdf;
 use crate::observation::Observation;
 use crate::parallel;
 
-/// Half vectors whose tangent to the normal of the sample lies between this and that many alphas show the shoulder of a
-/// lobe: a fifteenth to a fifth of its peak. Nearer to the normal than the least, there are too few of them.
+/// Range of the shoulder of a lobe (a fifteenth to a fifth of its peak) in alphas, for the tangent of the angle between
+/// the half vector and the sample's normal; and the least tangent, below which there are too few texels.
 const SHOULDER: [f32; 2] = [1.25, 1.75];
 const LEAST: f32 = 0.012;
-/// Classes of alpha for each doubling: each counts as a material.
+/// Classes of alpha per octave; each counts as one material.
 const BINS_PER_OCTAVE: f32 = 1.0;
 const BINS: usize = 14;
-/// Share of the sample whose shoulder is saturated from which on it is worth a word, and texels whose shoulder is seen
-/// that are enough, relative to those.
-const LOST: f32 = 0.003;
+/// Least share of the sample with a saturated shoulder, and largest number of texels with a visible one relative to it.
+const LOST: f32 = 0.0015;
 const SEEN: f32 = 0.1;
-/// Weight of a coat whose highlight counts.
+/// Least weight of a coat whose highlight counts.
 const COAT: f32 = 0.05;
 
-/// Texels of materials whose highlights no photograph shows below saturation.
+/// Texels of materials whose highlights are saturated in every photograph.
 pub(in crate::session) struct LostHighlights {
-    /// Which texels.
+    /// One entry per texel.
     pub texels: Vec<bool>,
     /// Share of the sample whose shoulder is saturated.
     pub share: f32,
 }
 
 impl LostHighlights {
-    /// `None` where photographs show enough of the highlights.
+    /// `None` if the photographs show enough of the highlights.
     pub fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Self> {
         let texels = photographs.first()?.texels();
-        let bin = |t: usize| {
-            let octaves = (1.0 / narrowest(maps, t).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
-            (octaves as usize).min(BINS - 1)
-        };
+        let bin = |t: usize| material(maps, t);
         let all =
             parallel::values(texels, |t| shoulder(photographs, t, narrowest(maps, t).powi(2)));
         let mut counts = [Counts::default(); BINS];
@@ -51,7 +47,7 @@ impl LostHighlights {
             many(lost) && seen as f32 <= SEEN * lost as f32
         };
         let total: usize = (0..BINS).filter(|k| is_lost(*k)).map(|k| counts[k].lost).sum();
-        // What holds for a material holds where none of its highlights fell as well.
+        // Texels of the same material that show no highlight are affected as well.
         let is_open =
             |(t, shoulder): (usize, &Shoulder)| *shoulder != Shoulder::Seen && is_lost(bin(t));
         (total > 0).then(|| Self {
@@ -61,7 +57,7 @@ impl LostHighlights {
     }
 }
 
-/// Roughness of the lobe that a texel's highlight is that of: a coat takes up what is narrower than the base.
+/// Roughness of a texel's narrowest lobe: that of the base or of the coat.
 pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
     let base = maps.roughness()[texel];
     match maps.coat() {
@@ -70,14 +66,20 @@ pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
     }
 }
 
-/// Texels of a material.
+/// Class of a texel's narrowest lobe.
+pub(super) fn material(maps: &Svbrdf, texel: usize) -> usize {
+    let octaves = (1.0 / narrowest(maps, texel).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
+    (octaves as usize).min(BINS - 1)
+}
+
+/// Numbers of a material's texels.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     seen: usize,
     lost: usize,
 }
 
-/// What photographs show of the lobe of a texel.
+/// Visibility of a texel's lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Shoulder {
     /// Neither peak nor shoulder.
@@ -85,7 +87,7 @@ enum Shoulder {
     Nowhere,
     /// Its peak or its shoulder.
     Seen,
-    /// A saturated shoulder, and nothing nearer to the peak.
+    /// Only a saturated shoulder.
     Lost,
 }
 
@@ -94,7 +96,7 @@ fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Shoulder {
     let to = from * SHOULDER[1] / SHOULDER[0];
     let mut found = Shoulder::Nowhere;
     for photograph in photographs.iter().filter(|photograph| photograph.weight(texel) > 0.0) {
-        let tangent = half_tangent(photograph, texel);
+        let tangent = Half::of(photograph, texel).tangent_to([0.0, 0.0, 1.0]);
         let saturated = (0..3).any(|c| photograph.radiance(c, texel) < 0.0);
         if tangent < to && !saturated {
             return Shoulder::Seen;
@@ -106,16 +108,29 @@ fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Shoulder {
     found
 }
 
-/// Tangent of the angle between the half vector at a texel and the normal of the sample.
-fn half_tangent(photograph: &Observation, texel: usize) -> f32 {
-    let (width, height, view) = (photograph.width(), photograph.height(), &photograph.view);
-    let [x, y] = view.texel_mm(width, height, texel % width, texel / width);
-    let unit = |p: [f32; 3]| {
-        let d = [p[0] - x, p[1] - y, p[2]];
-        let length = d.iter().map(|v| v * v).sum::<f32>().sqrt();
-        d.map(|v| v / length)
-    };
-    let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
-    let [x, y, z]: [f32; 3] = std::array::from_fn(|k| a[k] + b[k]);
-    x.hypot(y) / z
+/// Half vector of camera and light at a texel, not normalised.
+pub(super) struct Half([f32; 3]);
+
+impl Half {
+    pub fn of(photograph: &Observation, texel: usize) -> Self {
+        let (width, height, view) = (photograph.width(), photograph.height(), &photograph.view);
+        let [x, y] = view.texel_mm(width, height, texel % width, texel / width);
+        let unit = |p: [f32; 3]| {
+            let d = [p[0] - x, p[1] - y, p[2]];
+            let length = d.iter().map(|v| v * v).sum::<f32>().sqrt();
+            d.map(|v| v / length)
+        };
+        let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
+        Self(std::array::from_fn(|k| a[k] + b[k]))
+    }
+
+    /// Tangent of the angle to a normal of any length; infinite beyond 90 degrees.
+    pub fn tangent_to(&self, normal: [f32; 3]) -> f32 {
+        let Self([x, y, z]) = *self;
+        let [a, b, c] = normal;
+        let cross = [y * c - z * b, z * a - x * c, x * b - y * a];
+        let along = x * a + y * b + z * c;
+        let across = cross.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if along > 0.0 { across / along } else { f32::INFINITY }
+    }
 }

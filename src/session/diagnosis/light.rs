@@ -1,4 +1,4 @@
-//! Light and values of photographs of a board.
+//! Hints about light and pixel values, from the squares of the board.
 
 use crate::calibration::photometry::{
     Examination, LitPlaces, Photometry, Squares, edited, examine,
@@ -8,15 +8,15 @@ use crate::session::advice;
 use crate::session::capture::Board;
 use crate::session::hint::Hint;
 
-/// Gains that are worth a word: logarithm, and standard deviations.
+/// Least gain of a hint: logarithm, and standard deviations.
 const GAIN_LOG: f64 = 0.3;
 const GAIN_SIGMAS: f64 = 4.0;
-/// A veil that is worth a word.
+/// Least veil of a hint.
 const VEIL: f64 = 0.01;
-/// The same of an exponent of local tone mapping.
+/// Least exponent of local tone mapping of a hint.
 const LOCAL: f64 = 0.03;
 
-/// Adds what there is to tell about each photograph.
+/// Adds the hints about each photograph.
 pub(super) fn tell(board: &Board, hints: &mut [Vec<Hint>]) {
     let Some(known) = &board.photometry else { return };
     let photos: Vec<(Pose, &Squares)> =
@@ -28,10 +28,10 @@ pub(super) fn tell(board: &Board, hints: &mut [Vec<Hint>]) {
         let others = photos.iter().map(|photo| photo.1);
         let edited = edited(squares, others, &board.target, &known.tone);
         let edited = edited.map(|[black, usual]| Hint::Edited { black, usual });
-        // A stripe that stays on the board is no flicker.
+        // Stripes fixed to the board are not flicker.
         let stripes = light.stripes.filter(|_| found.lit_places.is_none());
         let stripes = stripes.map(|amplitude| Hint::Flickers { amplitude: amplitude as f32 });
-        // Glare and a stretched contrast move black as a curve would.
+        // Glare and stretched contrast change black as a tone curve does.
         let curved = advice::linearity(squares, &board.target, known)
             .filter(|_| edited.is_none() && found.glare.is_none());
         hints.extend(edited.into_iter().chain(stripes).chain(curved));
@@ -39,7 +39,7 @@ pub(super) fn tell(board: &Board, hints: &mut [Vec<Hint>]) {
     }
 }
 
-/// How bright a photograph is, and which way up.
+/// Hints about one photograph's brightness and orientation.
 fn of_photo(known: &Photometry, index: usize) -> Vec<Hint> {
     let [log, sigma] = known.log_gain[index];
     let differs = log.abs() > GAIN_LOG.max(GAIN_SIGMAS * sigma);
@@ -47,21 +47,23 @@ fn of_photo(known: &Photometry, index: usize) -> Vec<Hint> {
     exposure.into_iter().chain(known.turned[index].then_some(Hint::Turned)).collect()
 }
 
-/// What concerns all photographs alike.
+/// Hints about all photographs.
 fn of_all(board: &Board, known: &Photometry, found: &Examination) -> Vec<Hint> {
-    let veil = (known.veil > VEIL).then_some(Hint::Veiled { share: known.veil as f32 });
     let stays = found.stands_still.map(|times| Hint::LightStays { times: times as f32 });
     let glare = found.glare.map(|share| Hint::GlossyBoard { share: share as f32 });
     let size = board.target.square_mm;
     let [width, height] = [board.target.cols, board.target.rows].map(|n| f64::from(n) * size);
-    // A light that stands still explains more than places of the board.
+    // Light on a part of the board resembles a veil.
+    let veil = (known.veil > VEIL && found.lit_places.is_none())
+        .then_some(Hint::Veiled { share: known.veil as f32 });
+    // A fixed light also explains lit places.
     let lit = found.lit_places.filter(|_| stays.is_none());
     let lit = lit.map(|LitPlaces { share, ratio, board_mm }| Hint::OtherLight {
         share: share as f32,
         ratio: ratio as f32,
         centre: [(0.5 + board_mm.x / width) as f32, (0.5 - board_mm.y / height) as f32],
     });
-    // Glare looks a little like it.
+    // Glare resembles local tone mapping.
     let local = known.local_tone.abs() > LOCAL && found.glare.is_none();
     let local = local.then_some(Hint::LocalTone { exponent: known.local_tone as f32 });
     veil.into_iter().chain(local).chain(stays).chain(lit).chain(glare).collect()

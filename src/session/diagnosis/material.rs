@@ -1,5 +1,4 @@
-//! Materials that the model has no lobe for: what the maps leave depends on the angle off the vertical, whichever
-//! photograph shows it.
+//! Materials outside the model: residuals depend on the angle to the vertical, whichever photograph shows it.
 
 use crate::Svbrdf;
 use crate::observation::Observation;
@@ -7,19 +6,19 @@ use crate::parallel;
 use crate::render::render;
 use crate::session::hint::Hint;
 
-/// Width of a bin of angles, degrees, and bins.
+/// Width of a bin of angles, degrees, and number of bins.
 const BIN_DEG: f32 = 4.0;
 const BINS: usize = 20;
-/// Texels that a photograph must show in a bin.
+/// Fewest texels of a photograph in a bin.
 const TEXELS: f64 = 200.0;
-/// Photographs that tell an angle from a photograph.
+/// Fewest photographs that separate angles from photographs.
 const PHOTOGRAPHS: usize = 4;
-/// What the angle alone must leave of what one level for each photograph leaves, and the least range over the angles
+/// Largest misfit of levels by angle relative to that of levels by photograph, and least range over the angles
 /// (logarithm).
 const LEFT: f64 = 0.6;
 const RANGE: f64 = 0.15;
 
-/// Sums of the logarithms of measured over rendered radiance in a bin of a photograph.
+/// Sum of the logarithms of measured over rendered radiance in a bin of a photograph.
 #[derive(Debug, Clone, Copy, Default)]
 struct Bin {
     count: f64,
@@ -32,7 +31,7 @@ impl Bin {
     }
 }
 
-/// A word about the material, if residuals are its fault.
+/// The hint, if the residuals are due to the material.
 pub(super) fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Hint> {
     if photographs.len() < PHOTOGRAPHS {
         return None;
@@ -44,7 +43,7 @@ pub(super) fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Hint> {
             filled.map(move |(k, bin)| (i, k, bin.mean()))
         })
     };
-    // Least squares, each bin of a photograph counting once.
+    // Least squares; each bin of a photograph counts once.
     let level = |of: &dyn Fn(&(usize, usize, f64)) -> bool| {
         let (sum, count) =
             filled().filter(of).fold((0.0, 0.0), |(s, n), (_, _, mean)| (s + mean, n + 1.0));

@@ -1,6 +1,8 @@
-//! What is wrong with photographs, as it holds with all that is known: each kind of fault by a model of its own.
-//! Hints given when a photograph came are those of that moment; these take their place.
+//! Faults of a capture's photographs. Each kind of fault has a model of its own.
+//!
+//! The hints use all photographs and replace those given when each photograph was added.
 
+mod cores;
 mod fits;
 mod geometry;
 mod groups;
@@ -13,14 +15,15 @@ use super::hint::Hint;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
 use crate::observation::Observation;
+pub(super) use cores::core_errors;
 pub(super) use highlights::{LostHighlights, narrowest};
 
-/// What there is to tell about the latest photograph of a board, without the maps.
+/// Hints about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
     of_board(board).pop().unwrap_or_default()
 }
 
-/// What there is to tell about each photograph of a capture, and how the maps explain it.
+/// Hints about each photograph of a capture, from the board, the maps and the residuals of the fit.
 pub(super) fn of_capture(
     capture: &Capture,
     photographs: &[Observation],

@@ -1,6 +1,7 @@
-//! Each fault is found in photographs of known maps, and none in good ones.
+//! Each fault is found in rendered photographs, and none in good ones.
 
 use super::*;
+use crate::estimate::Part;
 use crate::observation::{Falloff, View};
 use crate::render::render;
 use crate::svbrdf::channel;
@@ -29,7 +30,7 @@ fn view(i: usize) -> View {
     view_from(25.0 * i as f32, 2.1 * i as f32)
 }
 
-/// From so far beside the sample's middle, mm, in a direction.
+/// View from `away` mm beside the sample's centre, in the direction `radians`.
 fn view_from(away: f32, radians: f32) -> View {
     let (sin, cos) = radians.sin_cos();
     let camera_mm = [away * cos, away * sin, 270.0];
@@ -43,7 +44,7 @@ fn view_from(away: f32, radians: f32) -> View {
     }
 }
 
-/// A photograph with some noise, each radiance changed by the angle off the normal that it is seen at.
+/// A photograph with some noise; `change` scales each radiance by its angle to the normal.
 fn photograph(maps: &Svbrdf, i: usize, change: impl Fn(f32) -> f32) -> Observation {
     photograph_from(maps, view(i), i, change)
 }
@@ -71,7 +72,7 @@ fn same(_: f32) -> f32 {
     1.0
 }
 
-/// The maps moved by so many texels.
+/// The maps moved along the rows by some texels.
 fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
     let mut out = maps.clone();
     for c in channel::SLOPE_X..=channel::ROUGHNESS {
@@ -85,7 +86,7 @@ fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
 
 #[test]
 fn two_samples_and_a_moved_one_are_two_groups() {
-    // Relief alone shows nothing where the light comes along the view from above.
+    // Relief alone is invisible under light along the view from above.
     for (bumps, specks) in [(0.1, 0.8), (0.0, 0.5), (0.3, 0.8)] {
         let (one, other) = (material(1, bumps, specks), material(2, bumps, specks));
         for (second, members) in
@@ -102,6 +103,43 @@ fn two_samples_and_a_moved_one_are_two_groups() {
     }
 }
 
+/// The maps turned by 180 degrees.
+fn turned(maps: &Svbrdf) -> Svbrdf {
+    let mut out = maps.clone();
+    for c in channel::SLOPE_X..=channel::ROUGHNESS {
+        let sign = if c < channel::DIFFUSE { -1.0 } else { 1.0 };
+        let plane: Vec<f32> = maps.plane(c).iter().rev().map(|v| sign * v).collect();
+        out.plane_mut(c).copy_from_slice(&plane);
+    }
+    out
+}
+
+/// A bright rim, as paper beside a dark sample leaves.
+fn rimmed(mut maps: Svbrdf) -> Svbrdf {
+    let near = |i: usize| !(2..SIDE - 2).contains(&i);
+    for t in (0..SIDE * SIDE).filter(|t| near(t % SIDE) || near(t / SIDE)) {
+        (0..3).for_each(|c| maps.diffuse_mut()[c][t] = 0.9);
+    }
+    maps
+}
+
+/// Rims are alike in both groups.
+#[test]
+fn a_turned_board_divides_photographs_whatever_its_rim() {
+    for (bumps, specks) in [(0.1, 0.8), (0.0, 0.5), (0.3, 0.8)] {
+        let one = material(11, bumps, specks);
+        let (one, other) = (rimmed(one.clone()), rimmed(turned(&one)));
+        for (second, members) in [(&[3, 4, 5][..], "4, 5 and 6"), (&[4, 5], "5 and 6")] {
+            let shown = |i: usize| if second.contains(&i) { &other } else { &one };
+            let photographs: Vec<_> = (0..6).map(|i| photograph(shown(i), i, same)).collect();
+            let group = groups::find(&photographs).map(|group| group.to_string());
+            assert_eq!(group, Some(format!("photos {members}")), "{bumps} {specks} {second:?}");
+        }
+        let photographs: Vec<_> = (0..6).map(|i| photograph(&one, i, same)).collect();
+        assert_eq!(groups::find(&photographs), None, "{bumps} {specks}");
+    }
+}
+
 #[test]
 fn photographs_of_one_sample_are_no_two_groups() {
     for (bumps, specks) in [(0.6, 0.0), (0.0, 0.5), (0.3, 0.3), (0.05, 0.02), (0.0, 0.0)] {
@@ -110,7 +148,7 @@ fn photographs_of_one_sample_are_no_two_groups() {
             let photographs: Vec<_> = (0..count).map(|i| photograph(&maps, i, same)).collect();
             assert_eq!(groups::find(&photographs), None, "{bumps} {specks}, {count}");
         }
-        // One of another sample is a matter of contradictions.
+        // A single photograph of another sample is a contradiction instead.
         let other = material(4, bumps, specks);
         let odd = |i: usize| photograph(if i == 3 { &other } else { &maps }, i, same);
         let photographs: Vec<_> = (0..5).map(odd).collect();
@@ -118,7 +156,7 @@ fn photographs_of_one_sample_are_no_two_groups() {
     }
 }
 
-/// Bare metal is brighter than the paint beside it where the flash is mirrored, and darker from aside: that divides
+/// Bare metal is brighter than the paint beside it near the mirrored flash, and darker elsewhere, which divides
 /// photographs of one sample.
 #[test]
 fn contrast_that_changes_with_the_angle_is_no_second_sample() {
@@ -148,7 +186,7 @@ fn a_sheen_is_the_fault_of_the_material() {
     let photographs: Vec<_> = (0..6).map(|i| photograph(&maps, i, sheen)).collect();
     let found = material::find(&maps, &photographs);
     assert!(matches!(found, Some(Hint::OtherMaterial { .. })), "{found:?}");
-    // Not so the photographs that are as the maps have them, and one that is brighter by itself.
+    // Photographs that match the maps, and a single brighter one, are not.
     let good: Vec<_> = (0..6).map(|i| photograph(&maps, i, same)).collect();
     assert_eq!(material::find(&maps, &good), None);
     for bad in [0, 3, 5] {
@@ -158,30 +196,32 @@ fn a_sheen_is_the_fault_of_the_material() {
     }
 }
 
-/// A photograph whose values are cut off at full scale, of another exposure.
+/// A photograph of another exposure, clipped at full scale.
 fn clipped(maps: &Svbrdf, away: f32, radians: f32, exposure: f32) -> Observation {
     let view = view_from(away, radians);
     let mut planes = vec![0.0; 3 * SIDE * SIDE];
     render(maps, &view, &mut planes);
-    // White paper that faces the flash from there comes out at two thirds.
+    // White paper facing the flash has two thirds of full scale.
     let full = 1.5 * 0.8 / std::f32::consts::PI * 3e5 / 270.0_f32.powi(2) / exposure;
     planes.iter_mut().filter(|v| **v > full).for_each(|v| *v = -full);
     Observation::new(SIDE, SIDE, view, &planes, &vec![1.0; SIDE * SIDE]).unwrap()
 }
 
-/// Of polished metal no photograph shows more than tails; of varnish, whose peaks are cut off as well, the shoulder
-/// is there, and so it is in one darker photograph of the metal.
+/// A plain material.
+fn glossy(albedo: f32, f0: f32, roughness: f32) -> Svbrdf {
+    let mut maps = material(6, 0.0, 0.1);
+    maps.roughness_mut().fill(roughness);
+    for c in 0..3 {
+        maps.diffuse_mut()[c].fill(albedo);
+        maps.specular_mut()[c].fill(f0);
+    }
+    maps
+}
+
+/// Of polished metal the photographs show only tails. They show the shoulder of varnish, although its peak is clipped
+/// too, and one darker photograph shows that of the metal.
 #[test]
 fn highlights_that_are_lost_are_told() {
-    let glossy = |albedo: f32, f0: f32, roughness: f32| {
-        let mut maps = material(6, 0.0, 0.1);
-        maps.roughness_mut().fill(roughness);
-        for c in 0..3 {
-            maps.diffuse_mut()[c].fill(albedo);
-            maps.specular_mut()[c].fill(f0);
-        }
-        maps
-    };
     let found =
         |maps: &Svbrdf, photographs: &[Observation]| LostHighlights::find(maps, photographs);
     let is_lost = |maps: &Svbrdf, photographs: &[Observation]| found(maps, photographs).is_some();
@@ -192,7 +232,7 @@ fn highlights_that_are_lost_are_told() {
         let polished = glossy(0.003, f0, roughness);
         let mut bright = photographs(&polished);
         assert!(is_lost(&polished, &bright), "{f0} {roughness}");
-        // As a fit has it that mistakes it for something wider and darker.
+        // The same with the maps of a fit that took it for something wider and darker.
         let dimmer = glossy(0.003, 0.2 * f0, roughness * 5.0_f32.powf(0.25));
         let open = found(&dimmer, &bright).unwrap();
         assert!(open.texels.iter().all(|open| *open), "{f0} {roughness}");
@@ -203,4 +243,51 @@ fn highlights_that_are_lost_are_told() {
         let maps = glossy(0.3, f0, roughness);
         assert!(!is_lost(&maps, &photographs(&maps)), "{f0} {roughness}");
     }
+}
+
+/// One darker photograph shows the core of a metal's highlight. Maps with the right tails and a tenth of F0 do not
+/// explain it; the true maps do, and so do those of other materials.
+#[test]
+fn cores_that_the_maps_do_not_explain_are_found() {
+    for (f0, roughness) in [(0.9, 0.15), (0.9, 0.3), (0.5, 0.08)] {
+        let metal = glossy(0.003, f0, roughness);
+        let dimmer = glossy(0.003, 0.1 * f0, roughness * 10.0_f32.powf(0.25));
+        let mut photographs: Vec<Observation> =
+            (0..6).map(|i| clipped(&metal, 20.0 * i as f32, 2.1 * i as f32, 1.0)).collect();
+        photographs.push(clipped(&metal, 20.0, 2.1, 1e-5));
+        let errors = core_errors(&dimmer, &photographs);
+        // The peak is 10 times as wide and 1/100 as bright.
+        let ok = |log: &f32| (1.0..4.7).contains(log);
+        assert!(errors.iter().all(ok), "{f0} {roughness}: {}", errors[0]);
+        assert!(core_errors(&metal, &photographs).iter().all(|log| *log == 0.0));
+    }
+    for (f0, roughness) in [(0.04, 0.2), (0.04, 0.5), (0.9, 0.4)] {
+        let maps = glossy(0.3, f0, roughness);
+        let photographs: Vec<Observation> =
+            (0..6).map(|i| clipped(&maps, 20.0 * i as f32, 2.1 * i as f32, 1.0)).collect();
+        assert!(core_errors(&maps, &photographs).iter().all(|log| *log == 0.0));
+    }
+}
+
+/// The highlights of brushed flakes are predicted where they are not. Sun on metal, and a shadow on anything with a
+/// colour of its own, are told.
+#[test]
+fn a_highlight_that_is_missing_is_no_contradiction() {
+    let maps = material(12, 0.1, 0.3);
+    let photographs: Vec<_> = (0..4).map(|i| photograph(&maps, i, same)).collect();
+    let is_told = |ratio: f32, highlight: f32| {
+        let part = Part { share: 0.3, centre: [0.5; 2], ratio, highlight };
+        let fit = |i| PhotoFit {
+            residual: 0.02,
+            weight: 0.9,
+            outlier: false,
+            part: (i == 2).then_some(part),
+        };
+        let fits: Vec<PhotoFit> = (0..4).map(fit).collect();
+        let mut hints = vec![Vec::new(); 4];
+        fits::tell(None, None, &photographs, &fits, None, &mut hints);
+        matches!(hints[2].as_slice(), [Hint::PartContradicts { .. }])
+    };
+    assert!(!is_told(0.11, 0.97));
+    assert!(is_told(1.5, 0.97) && is_told(0.5, 0.3) && is_told(0.11, 0.5));
 }
