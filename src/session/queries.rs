@@ -150,7 +150,8 @@ impl Session {
     /// three are within them. A material that does not follow the Cook-Torrance model has no true roughness; its
     /// deviations are those of a material with such residuals. If all highlights of a material are saturated, the
     /// deviations of specular albedo and roughness cover all values that the tails of the highlights allow. If
-    /// photographs show highlights that the maps do not explain, they cover the difference. If the height of the sample is unknown, those of the albedos cover its effect.
+    /// photographs show highlights that the maps do not explain, they cover the difference. If the height of
+    /// the sample is unknown, those of the albedos cover its effect.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was

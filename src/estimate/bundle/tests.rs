@@ -107,7 +107,7 @@ fn problem() -> (Problem, State) {
 /// Central differences of step h err by h² / 6 times the third derivative (at most 1e3 for slopes in a lobe
 /// of roughness 0.35) and by rounding, 1e-15 / h. Views are in single precision: half a per cent may be
 /// rounding where the parts of a derivative by a rotation nearly cancel. The dimming below a sheen has a kink
-/// where the cosines of light and camera are equal: half a per cent more.
+/// where the cosines of light and camera are equal: one per cent more.
 #[test]
 fn sums_match_differences_of_residuals() {
     let (problem, mut state) = problem();
@@ -213,7 +213,7 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
         for j in 0..=i {
             let size = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
             let (found, numeric) = (whole.matrix[(i, j)], matrix[(i, j)]);
-            let close = (found - numeric).abs() < 1.2e-2 * size + 1e-3;
+            let close = (found - numeric).abs() < 1.5e-2 * size + 1e-3;
             assert!(close, "{t}: {i} {j}: {found} {numeric}, {size}");
         }
         let size = (matrix[(i, i)] * weights.sum()).sqrt();
