@@ -18,8 +18,8 @@ pub struct Budget {
     pub seconds: Option<f32>,
     /// Steps of the optimisers on each photograph.
     pub steps: Option<u32>,
-    /// Whether the fit ends once further steps, none better than the latest, would lower the mean absolute
-    /// log residual by less than .001: a quarter of half a step of 8-bit white.
+    /// Whether steps of the texels end once further ones, none better than the latest, would lower the mean
+    /// absolute log residual by less than .001: a quarter of half a step of 8-bit white.
     pub stop_when_invisible: bool,
 }
 

@@ -201,11 +201,6 @@ impl LatentFit {
         [self.position.done.min(self.steps()), self.steps()]
     }
 
-    /// Drops the remaining steps of the photographs so far.
-    pub fn count_as_fitted(&mut self) {
-        self.position.fresh = 0;
-    }
-
     /// The current fit; a fit in progress is saved as of its start.
     pub fn save(&self, in_progress: bool) -> SavedLatent {
         let settled = self.is_settled();

@@ -2,7 +2,6 @@
 
 use super::work::{Context, Done, Work};
 use crate::Result;
-use crate::estimate::budget::Trend;
 use crate::estimate::map_state::MapState;
 use crate::estimate::task::EarlyStop;
 
@@ -12,7 +11,6 @@ const FRACTION: f32 = 0.5;
 /// Steps of the latent code.
 #[derive(Default)]
 pub struct Phase {
-    trend: Option<Trend>,
     fraction: f32,
 }
 
@@ -42,16 +40,7 @@ impl Work for Phase {
             let report = latent.step(context.photographs)?;
             context.meter.count();
             *context.loss = report.loss as f32;
-            let [done, steps] = latent.work();
-            let trend = self.trend.get_or_insert_with(|| Trend::new(steps, 1));
-            let invisible = trend.is_flat(done, report.loss)
-                && !report.settled
-                && context.meter.budget.stop_when_invisible;
-            if invisible {
-                *context.early_stop = Some(EarlyStop::Invisible);
-                latent.count_as_fitted();
-            }
-            report.settled || invisible
+            report.settled
         };
         let [done, all] = latent.work();
         self.fraction = done as f32 / all.max(1) as f32;
