@@ -31,6 +31,7 @@ pub(super) fn of_maps(
     let known = evidence.uncertainty()?;
     let maps = evidence.maps();
     let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
+    let narrowest = narrowest(maps);
     let mut planes = known.planes().to_vec();
     let mut widen = |plane: usize, texel: usize, by: f32| {
         let value = &mut planes[plane * texels + texel];
@@ -41,7 +42,7 @@ pub(super) fn of_maps(
     if let Some(lost) = LostHighlights::find(maps, photographs) {
         for texel in (0..texels).filter(|texel| lost.texels[*texel]) {
             let f0 = mean(channel::SPECULAR, texel);
-            let highlight = narrowest(maps, texel);
+            let highlight = narrowest[texel];
             let [of_f0, of_roughness] = of_tails(f0, highlight);
             widen(SPECULAR, texel, of_f0);
             // Where only tails are visible, bare metal looks like a coat on black.
@@ -53,7 +54,7 @@ pub(super) fn of_maps(
         if log != 0.0 {
             let [of_f0, of_roughness] = of_core(log);
             widen(SPECULAR, texel, of_f0 * mean(channel::SPECULAR, texel));
-            widen(ROUGHNESS, texel, of_roughness * narrowest(maps, texel));
+            widen(ROUGHNESS, texel, of_roughness * narrowest[texel]);
         }
     }
     let brightness = capture.board().map_or(0.0, Board::height_brightness) as f32;

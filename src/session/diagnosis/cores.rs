@@ -23,12 +23,12 @@ const LEAST_LOG: f32 = 0.4;
 /// Median logarithm of measured over rendered radiance in the cores of each texel's material. 0 where the maps explain
 /// them, and where no photograph shows them.
 pub(in crate::session) fn core_errors(maps: &Svbrdf, photographs: &[Observation]) -> Vec<f32> {
-    let texels = maps.texels();
-    let materials = parallel::values(texels, |t| material(maps, t));
-    let logs = parallel::map(photographs.len(), |i| errors(maps, &photographs[i]));
+    let narrowest = narrowest(maps);
+    let materials: Vec<usize> = narrowest.iter().map(|roughness| material(*roughness)).collect();
+    let logs = parallel::map(photographs.len(), |i| errors(maps, &narrowest, &photographs[i]));
     let mut all: Vec<Vec<f32>> = Vec::new();
     for (texel, log) in logs.into_iter().flatten() {
-        let material: usize = materials[texel];
+        let material = materials[texel];
         all.resize_with(all.len().max(material + 1), Vec::new);
         all[material].push(log);
     }
@@ -40,14 +40,15 @@ pub(in crate::session) fn core_errors(maps: &Svbrdf, photographs: &[Observation]
     materials.iter().map(|material| errors.get(*material).copied().unwrap_or(0.0)).collect()
 }
 
-/// Texels of which a photograph shows the core, unsaturated, with their errors.
-fn errors(maps: &Svbrdf, photograph: &Observation) -> Vec<(usize, f32)> {
+/// Texels of which a photograph shows the core, unsaturated, with their errors; takes the roughness of the narrowest
+/// lobes.
+fn errors(maps: &Svbrdf, narrowest: &[f32], photograph: &Observation) -> Vec<(usize, f32)> {
     let texels = maps.texels();
     let mut rendered = vec![0.0; 3 * texels];
     render(maps, &photograph.view, &mut rendered);
     let [slopes_x, slopes_y] = maps.normal_slopes();
     let error = |t: usize| {
-        let roughness = narrowest(maps, t);
+        let roughness = narrowest[t];
         if photograph.weight(t) <= 0.0 || roughness > ROUGHEST {
             return None;
         }

@@ -32,9 +32,9 @@ impl LostHighlights {
     /// `None` if the photographs show enough of the highlights.
     pub fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Self> {
         let texels = photographs.first()?.texels();
-        let bin = |t: usize| material(maps, t);
-        let all =
-            parallel::values(texels, |t| shoulder(photographs, t, narrowest(maps, t).powi(2)));
+        let narrowest = narrowest(maps);
+        let bin = |t: usize| material(narrowest[t]);
+        let all = parallel::values(texels, |t| shoulder(photographs, t, narrowest[t].powi(2)));
         let mut counts = [Counts::default(); BINS];
         for t in 0..texels {
             let of = &mut counts[bin(t)];
@@ -57,18 +57,22 @@ impl LostHighlights {
     }
 }
 
-/// Roughness of a texel's narrowest lobe: that of the base or of the coat.
-pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
-    let base = maps.roughness()[texel];
-    match maps.coat() {
-        Some([weight, coat]) if weight[texel] > COAT => base.min(coat[texel]),
-        _ => base,
+/// Roughness of each texel's narrowest lobe: that of the base or of the coat.
+pub(in crate::session) fn narrowest(maps: &Svbrdf) -> Vec<f32> {
+    let mut narrowest = maps.roughness().to_vec();
+    if let Some([weights, coats]) = maps.coat() {
+        for ((roughness, weight), coat) in narrowest.iter_mut().zip(weights).zip(coats) {
+            if *weight > COAT {
+                *roughness = roughness.min(*coat);
+            }
+        }
     }
+    narrowest
 }
 
-/// Class of a texel's narrowest lobe.
-pub(super) fn material(maps: &Svbrdf, texel: usize) -> usize {
-    let octaves = (1.0 / narrowest(maps, texel).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
+/// Class of a texel with this roughness of its narrowest lobe.
+pub(super) fn material(roughness: f32) -> usize {
+    let octaves = (1.0 / roughness.powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
     (octaves as usize).min(BINS - 1)
 }
 
