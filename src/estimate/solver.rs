@@ -1,9 +1,8 @@
 //! Maximises the posterior of each texel by Levenberg-Marquardt steps with a robust loss (iteratively
 //! reweighted least squares).
 //!
-//! Two colours of a texel share only normal and roughness. Each colour's 2x2 block (diffuse, specular) is
-//! eliminated first (Schur complement), which leaves 3x3. Directions that the photographs do not determine
-//! stay at the prior's mean; without the prior, noise would drift along them.
+//! Directions that the photographs do not determine stay at the prior's mean; without the prior, noise would
+//! drift along them.
 //!
 //! Each step re-estimates two hyper-parameters: the noise of each colour, from the residuals, and the sigma
 //! of slopes, which grows for a material that is bumpier than expected ([`probable_variance`]).
@@ -265,12 +264,12 @@ fn step<V: Lanes>(
 ) -> [V; 5] {
     let (equations, start) = NormalEquations::new(posterior, x, mean, directions, texels.clone());
     let (mut squares, mut determined) = (V::splat(0.0), V::splat(0.0));
-    let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
-    for (c, variance) in slopes.into_iter().zip(equations.slope_variances()) {
+    let factor = equations.factor(V::splat(0.0));
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
         let precision = V::splat(posterior.precision[c]);
         let deviation = x[c] - mean[c];
         squares = (deviation * deviation).mul_add(precision, squares);
-        determined += V::splat(1.0) - variance * precision;
+        determined += V::splat(1.0) - factor.variance(c) * precision;
     }
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
     let (mut best, mut loss) = start;

@@ -13,18 +13,13 @@
 use std::ops::Range;
 
 use super::sums::{Reduced, Sums};
-use crate::estimate::posterior::PAIRS;
+use crate::estimate::posterior::{Cholesky, PAIRS, at};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::CHANNELS;
 
 /// A value of eight texels, and their nine coordinates.
 pub(super) type Eight = [f32; LANES];
 pub(super) type Column = [Eight; CHANNELS];
-
-/// Index of an entry of a lower triangle, by rows.
-const fn at(i: usize, j: usize) -> usize {
-    i * (i + 1) / 2 + j
-}
 
 /// Eight texels' normal equations.
 pub(super) struct Equations<'a> {
@@ -66,7 +61,7 @@ impl Totals {
 
 /// `L`, `own` and `columns` of eight texels, see the module.
 pub(super) struct Eliminated {
-    /// `L` with the reciprocals of its diagonal; 0 where a pivot is not positive.
+    /// `L`, see [`Cholesky`].
     factor: [Eight; PAIRS],
     own: Column,
     columns: Vec<Column>,
@@ -139,12 +134,12 @@ impl Kernel for Eliminate<'_> {
             let of_data = V::from_array(equations.sums.gradient[c]);
             *right = free[c] * (of_data + V::from_array(equations.gradient[c]));
         }
-        let own = forward(&factor, &right);
+        let own = factor.forward(&right);
         // `B`, before `L⁻¹`.
         let mixed = mixed(&equations, &matrix, &free);
         let mut columns = Vec::with_capacity(mixed.len());
         for column in &mixed {
-            columns.push(stored(&forward(&factor, &loaded::<V, CHANNELS>(column))));
+            columns.push(stored(&factor.forward(&loaded(column))));
         }
         let groups = &equations.moving;
         for (i, column) in columns.iter().enumerate() {
@@ -163,7 +158,7 @@ impl Kernel for Eliminate<'_> {
                 totals.add(&equations, [i, j], minus_dot(&column, &loaded(other), entry));
             }
         }
-        Eliminated { factor: stored(&factor), own: stored(&own), columns }
+        Eliminated { factor: stored(&factor.0), own: stored(&own), columns }
     }
 }
 
@@ -240,50 +235,24 @@ fn mixed<V: Lanes>(
 #[inline(always)]
 fn triangle<V: Lanes>(sums: &Sums, free: &[V; CHANNELS]) -> [V; PAIRS] {
     let mut matrix = [V::splat(0.0); PAIRS];
-    let mut k = 0;
     for i in 0..CHANNELS {
-        for j in i..CHANNELS {
-            matrix[at(j, i)] = V::from_array(sums.matrix[k]) * free[i] * free[j];
-            k += 1;
+        for j in 0..=i {
+            matrix[at(i, j)] = V::from_array(sums.matrix[at(i, j)]) * free[i] * free[j];
         }
     }
     matrix
 }
 
-/// The Cholesky factor of the matrix with prior and damping.
+/// The factors of the matrix with prior and damping.
 #[inline(always)]
-fn factor<V: Lanes>(matrix: &[V; PAIRS], equations: &Equations) -> [V; PAIRS] {
-    let (zero, damping) = (V::splat(0.0), equations.damping as f32);
-    let mut factor = *matrix;
+fn factor<V: Lanes>(matrix: &[V; PAIRS], equations: &Equations) -> Cholesky<V> {
+    let damping = equations.damping as f32;
+    let mut damped = *matrix;
     for i in 0..CHANNELS {
-        for j in 0..i {
-            let mut sum = factor[at(i, j)];
-            for k in 0..j {
-                sum = (-factor[at(i, k)]).mul_add(factor[at(j, k)], sum);
-            }
-            factor[at(i, j)] = sum * factor[at(j, j)];
-        }
         let own = V::splat(equations.precision[i] as f32 + damping * 1e-9);
-        let mut pivot = factor[at(i, i)].mul_add(V::splat(1.0 + damping), own);
-        for k in 0..i {
-            pivot = (-factor[at(i, k)]).mul_add(factor[at(i, k)], pivot);
-        }
-        factor[at(i, i)] = pivot.if_greater(zero, pivot.reciprocal_sqrt(), zero);
+        damped[at(i, i)] = damped[at(i, i)].mul_add(V::splat(1.0 + damping), own);
     }
-    factor
-}
-
-/// `L⁻¹` times a column.
-#[inline(always)]
-fn forward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
-    let mut out = *column;
-    for i in 0..CHANNELS {
-        for k in 0..i {
-            out[i] = (-factor[at(i, k)]).mul_add(out[k], out[i]);
-        }
-        out[i] = out[i] * factor[at(i, i)];
-    }
-    out
+    Cholesky::new(&damped)
 }
 
 struct Substitute<'a> {
@@ -297,29 +266,13 @@ impl Kernel for Substitute<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> [Column; 2] {
         let Eliminated { factor, own, columns } = self.eliminated;
-        let factor: [V; PAIRS] = loaded(factor);
+        let factor = Cholesky::<V>(loaded(factor));
         let mut of_shared = [V::splat(0.0); CHANNELS];
         for (column, by) in columns.iter().zip(self.shared) {
             for (sum, value) in of_shared.iter_mut().zip(column) {
                 *sum = V::from_array(*by).mul_add(V::from_array(*value), *sum);
             }
         }
-        [stored(&backward(&factor, &loaded(own))), stored(&backward(&factor, &of_shared))]
+        [stored(&factor.backward(&loaded(own))), stored(&factor.backward(&of_shared))]
     }
-}
-
-/// `-L⁻ᵀ` times a column.
-#[inline(always)]
-fn backward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
-    let mut out = *column;
-    for i in (0..CHANNELS).rev() {
-        for k in i + 1..CHANNELS {
-            out[i] = (-factor[at(k, i)]).mul_add(out[k], out[i]);
-        }
-        out[i] = out[i] * factor[at(i, i)];
-    }
-    for value in &mut out {
-        *value = -*value;
-    }
-    out
 }

@@ -9,11 +9,13 @@ use super::problem::Problem;
 use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
 use crate::estimate::coordinates::{Coordinates, from_coordinates};
-use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
+use crate::estimate::posterior::{
+    Appearance, Line, NormalEquations, PAIRS, Residual, Seen, coordinates_of,
+};
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::CHANNELS;
 
 /// A photograph's corrected view, and its derivatives by the parameters.
 pub(super) struct Linear<'a> {
@@ -39,7 +41,7 @@ impl Reduced {
 
 /// The equations of at most eight texels.
 pub(super) struct Sums {
-    /// Upper triangle of the matrix, by rows.
+    /// Lower triangle of the matrix, by rows.
     pub matrix: [[f32; LANES]; PAIRS],
     pub gradient: [[f32; LANES]; CHANNELS],
     /// Products of each parameter with the texels' coordinates.
@@ -138,7 +140,7 @@ impl Kernel for Block<'_> {
                 let seen = Seen { noise: *noise, radiance, weight };
                 let line = appearance.line(&material, view, c, &coordinates, &seen);
                 let Residual { value, square_weight, .. } = line.residual;
-                equations.add(c, line.shape, line.colour, value, square_weight);
+                equations.add(c, line.by, value, square_weight);
                 parameters.find(
                     linear,
                     c,
@@ -152,16 +154,15 @@ impl Kernel for Block<'_> {
             }
             parameters.move_to(linear, self.reduced, self.first);
         }
-        let (triangle, right) = equations.whole();
         let mut sums = Sums {
             matrix: [[0.0; LANES]; PAIRS],
             gradient: [[0.0; LANES]; CHANNELS],
             mixed: vec![[[0.0; LANES]; CHANNELS]; shared.len()],
         };
-        for (to, from) in sums.matrix.iter_mut().zip(triangle) {
+        for (to, from) in sums.matrix.iter_mut().zip(equations.matrix) {
             *to = from.to_array();
         }
-        for (to, from) in sums.gradient.iter_mut().zip(right) {
+        for (to, from) in sums.gradient.iter_mut().zip(equations.gradient) {
             *to = from.to_array();
         }
         for (to, from) in sums.mixed.iter_mut().flatten().zip(parameters.mixed.iter().flatten()) {
@@ -261,15 +262,12 @@ impl<V: Lanes> Parameters<V> {
     /// Adds a colour's residual.
     #[inline(always)]
     fn add(&mut self, linear: &Linear, c: usize, line: &Line<V>) {
-        let Line { residual, shape, colour, .. } = line;
+        let Line { residual, by, .. } = line;
         let mut k = 0;
         for (i, (a, _)) in linear.derivatives.iter().enumerate() {
             let weighted = residual.square_weight * self.by[i];
             let mixed = &mut self.mixed[*a];
-            for (at, by) in SHAPE.into_iter().zip(shape) {
-                mixed[at] = weighted.mul_add(*by, mixed[at]);
-            }
-            for (at, by) in [channel::DIFFUSE + c, channel::SPECULAR + c].into_iter().zip(colour) {
+            for (at, by) in coordinates_of(c).into_iter().zip(by) {
                 mixed[at] = weighted.mul_add(*by, mixed[at]);
             }
             self.gradients[i] = weighted.mul_add(residual.value, self.gradients[i]);

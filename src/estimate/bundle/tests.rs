@@ -8,6 +8,7 @@ use crate::estimate::coordinates::{Coordinates, natural};
 use crate::estimate::correction::{Correction, LightCorrection};
 use crate::estimate::noise::Noise;
 use crate::estimate::photographs::Photographs;
+use crate::estimate::posterior::at;
 use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
@@ -230,12 +231,10 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
 fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
     let q = sums.mixed.len();
     let mut whole = Reduced::zeros(CHANNELS + q);
-    let mut k = 0;
     for i in 0..CHANNELS {
         whole.gradient[i] = f64::from(sums.gradient[i][lane]);
-        for j in i..CHANNELS {
-            whole.matrix[(j, i)] = f64::from(sums.matrix[k][lane]);
-            k += 1;
+        for j in 0..=i {
+            whole.matrix[(i, j)] = f64::from(sums.matrix[at(i, j)][lane]);
         }
         for (a, mixed) in sums.mixed.iter().enumerate() {
             whole.matrix[(CHANNELS + a, i)] = f64::from(mixed[i][lane]);

@@ -1,7 +1,8 @@
 //! Posterior precisions and covariances of texels at given maps (quadratic model).
 
+use super::cholesky::PAIRS;
 use super::model::Posterior;
-use super::normal_equations::{NormalEquations, PAIRS};
+use super::normal_equations::NormalEquations;
 use crate::Svbrdf;
 use crate::estimate::coordinates::to_coordinates;
 use crate::estimate::noise::Noise;
@@ -160,18 +161,16 @@ impl Kernel for Band<'_> {
                 find_directions(posterior.observations, column, row, &mut directions);
                 let (equations, (_, [red, green, blue])) =
                     NormalEquations::new(posterior, &x, &mean, &directions, texels.clone());
+                let factor = equations.factor(V::splat(0.0));
                 match &mut out {
                     Out::All(out) => {
-                        for (value, out) in equations.covariance().into_iter().zip(out) {
+                        for (value, out) in factor.inverse().into_iter().zip(out) {
                             value.store(&mut out[here.clone()]);
                         }
                     }
                     Out::Spread([out @ .., weight_out, loss_out]) => {
-                        let covariance = equations.covariance();
-                        let mut diagonal = 0;
                         for (c, out) in out.iter_mut().enumerate() {
-                            let variance = covariance[diagonal].max(V::splat(1e-12));
-                            diagonal += CHANNELS - c;
+                            let variance = factor.variance(c).max(V::splat(1e-12));
                             variance.store(&mut out[here.clone()]);
                         }
                         let mut weight = V::splat(0.0);

@@ -9,13 +9,15 @@
 //!
 //! Given poses and lights, texels are independent: nine unknowns against three log residuals per photograph.
 
+mod cholesky;
 mod information;
 mod model;
 mod normal_equations;
 mod residual;
 
+pub(super) use cholesky::{Cholesky, PAIRS, at};
 pub(super) use information::{At, Covariance, covariance};
 pub(crate) use information::{Spread, spread};
 pub(super) use model::Posterior;
-pub(super) use normal_equations::{NormalEquations, PAIRS, SHAPE, cost};
-pub(super) use residual::{Appearance, Line, Residual, Seen};
+pub(super) use normal_equations::{NormalEquations, cost};
+pub(super) use residual::{Appearance, Line, Residual, Seen, coordinates_of};

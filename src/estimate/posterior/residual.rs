@@ -13,6 +13,17 @@ pub(in crate::estimate) struct Seen<V> {
     pub weight: V,
 }
 
+/// Coordinates of a texel that determine a colour, in ascending order.
+pub(in crate::estimate) const fn coordinates_of(c: usize) -> [usize; 5] {
+    [
+        channel::SLOPE_X,
+        channel::SLOPE_Y,
+        channel::DIFFUSE + c,
+        channel::SPECULAR + c,
+        channel::ROUGHNESS,
+    ]
+}
+
 /// A residual in one colour, and its terms of the objective.
 pub(in crate::estimate) struct Residual<V> {
     pub value: V,
@@ -78,9 +89,8 @@ pub(in crate::estimate) struct Appearance<V> {
 /// Residual and derivatives in one colour, at eight texels.
 pub(in crate::estimate) struct Line<V> {
     pub residual: Residual<V>,
-    /// Derivatives of ln(rendered + 0.01).
-    pub shape: [V; 3],
-    pub colour: [V; 2],
+    /// Derivatives of ln(rendered + 0.01) by the [`coordinates_of`] the colour.
+    pub by: [V; 5],
     pub brdf: V,
     pub fresnel: V,
     /// The irradiance, with the light's power.
@@ -128,26 +138,27 @@ impl<V: Lanes> Appearance<V> {
         let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
         let residual = Residual::new(rendered, seen);
 
-        // Derivatives of ln(rendered + 0.01).
         let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
         let lit = brdf * power * residual.inverse;
-        let mut shape = [
-            lobe.mul_add(self.lobe_by_slopes[0], lit * self.irradiance_by_slopes[0]),
-            lobe.mul_add(self.lobe_by_slopes[1], lit * self.irradiance_by_slopes[1]),
-            lobe * self.lobe_by_roughness,
-        ];
-        if let Some(by_slopes) = self.above_by_slopes {
-            for (shape, by) in shape.iter_mut().zip(by_slopes[c]) {
-                *shape = (irradiance * residual.inverse).mul_add(by, *shape);
+        let mut by_slopes = [V::splat(0.0); 2];
+        for (i, by) in by_slopes.iter_mut().enumerate() {
+            *by = lobe.mul_add(self.lobe_by_slopes[i], lit * self.irradiance_by_slopes[i]);
+        }
+        if let Some(above) = self.above_by_slopes {
+            for (by, above) in by_slopes.iter_mut().zip(above[c]) {
+                *by = (irradiance * residual.inverse).mul_add(above, *by);
             }
         }
         let twice = residual.inverse * V::splat(2.0);
         let by_diffuse = irradiance.mul_add(lobes.diffuse, ambient);
         let by_specular = irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
-        let colour = [
+        let by = [
+            by_slopes[0],
+            by_slopes[1],
             by_diffuse * twice * x[channel::DIFFUSE + c],
             by_specular * twice * x[channel::SPECULAR + c],
+            lobe * self.lobe_by_roughness,
         ];
-        Line { residual, shape, colour, brdf, fresnel, irradiance }
+        Line { residual, by, brdf, fresnel, irradiance }
     }
 }

@@ -9,12 +9,13 @@ type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 
 /// Results for random equations of eight texels.
 struct Results {
-    /// Upper triangles.
+    /// Lower triangle.
     equations: [[f32; LANES]; PAIRS],
+    /// Upper triangle.
     covariance: [[f32; LANES]; PAIRS],
     gradient: [[f32; LANES]; CHANNELS],
     step: [[f32; LANES]; CHANNELS],
-    slopes: [[f32; LANES]; 2],
+    variances: [[f32; LANES]; CHANNELS],
 }
 
 struct Random12;
@@ -35,52 +36,29 @@ impl Kernel for Random12 {
         let mut any =
             || V::from_array(std::array::from_fn(|_| 4.0 * random.uniform() as f32 - 2.0));
         for i in 0..12 {
-            let shape = [any(), any(), any()];
-            equations.add(i % 3, shape, [any(), any()], any(), V::splat(50.0));
+            equations.add(i % 3, [any(), any(), any(), any(), any()], any(), V::splat(50.0));
         }
-        let mut matrix = [[V::splat(0.0); CHANNELS]; CHANNELS];
-        let mut gradient = [V::splat(0.0); CHANNELS];
-        let mut k = 0;
-        for (i, row) in SHAPE.into_iter().enumerate() {
-            gradient[row] = equations.shape_gradient[i];
-            for column in &SHAPE[i..] {
-                matrix[row][*column] = equations.shape[k];
-                k += 1;
-            }
-        }
-        for (c, colour) in equations.colour.iter().enumerate() {
-            let own = [channel::DIFFUSE + c, channel::SPECULAR + c];
-            let [dd, ds, ss] = colour.own;
-            (matrix[own[0]][own[0]], matrix[own[0]][own[1]]) = (dd, ds);
-            matrix[own[1]][own[1]] = ss;
-            for (k, own) in own.into_iter().enumerate() {
-                gradient[own] = colour.gradient[k];
-                for (shape, value) in SHAPE.into_iter().zip(colour.mixed[k]) {
-                    matrix[own.min(shape)][own.max(shape)] = value;
-                }
-            }
-        }
-        let mut upper = [V::splat(0.0); PAIRS];
-        let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
-        pairs.zip(&mut upper).for_each(|([i, j], out)| *out = matrix[i][j]);
+        let factor = equations.factor(V::splat(0.0));
         Results {
-            equations: upper.map(V::to_array),
-            covariance: equations.covariance().map(V::to_array),
-            gradient: gradient.map(V::to_array),
+            equations: equations.matrix.map(V::to_array),
+            covariance: factor.inverse().map(V::to_array),
+            gradient: equations.gradient.map(V::to_array),
             step: equations.solve(V::splat(0.0)).map(V::to_array),
-            slopes: equations.slope_variances().map(V::to_array),
+            variances: std::array::from_fn(|c| factor.variance(c).to_array()),
         }
     }
 }
 
-fn symmetric(upper: &[[f32; LANES]; PAIRS], lane: usize) -> Matrix {
-    let mut values = upper.iter();
+/// The symmetric matrix with these entries, one for each of `pairs`.
+fn symmetric(
+    entries: &[[f32; LANES]; PAIRS],
+    lane: usize,
+    pairs: impl Iterator<Item = (usize, usize)>,
+) -> Matrix {
     let mut out = Matrix::zeros();
-    for i in 0..CHANNELS {
-        for j in i..CHANNELS {
-            out[(i, j)] = f64::from(values.next().unwrap()[lane]);
-            out[(j, i)] = out[(i, j)];
-        }
+    for ((i, j), lanes) in pairs.zip(entries) {
+        out[(i, j)] = f64::from(lanes[lane]);
+        out[(j, i)] = out[(i, j)];
     }
     out
 }
@@ -89,10 +67,12 @@ fn symmetric(upper: &[[f32; LANES]; PAIRS], lane: usize) -> Matrix {
 fn step_and_covariance_match_a_dense_inverse() {
     let results = dispatch(Random12);
     for lane in 0..LANES {
-        let inverse = symmetric(&results.equations, lane).try_inverse().unwrap();
+        let lower = (0..CHANNELS).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let upper = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| (i, j)));
+        let inverse = symmetric(&results.equations, lane, lower).try_inverse().unwrap();
         // Single precision, condition number of a few hundred.
         let tolerance = 1e-4 * inverse.diagonal().max();
-        let covariance = symmetric(&results.covariance, lane);
+        let covariance = symmetric(&results.covariance, lane, upper);
         assert!((covariance - inverse).amax() < tolerance, "{covariance} {inverse}");
 
         let vector = |values: &[[f32; LANES]; CHANNELS]| {
@@ -101,7 +81,7 @@ fn step_and_covariance_match_a_dense_inverse() {
         let (step, expected) = (vector(&results.step), -inverse * vector(&results.gradient));
         assert!((step - expected).amax() < 1e-4 * expected.amax(), "{step} {expected}");
 
-        for (i, value) in results.slopes.iter().enumerate() {
+        for (i, value) in results.variances.iter().enumerate() {
             let (value, expected) = (f64::from(value[lane]), inverse[(i, i)]);
             assert!((value - expected).abs() < 1e-4 * expected, "{value} {expected}");
         }
