@@ -42,9 +42,9 @@ const FOLDS: usize = 3;
 const MIN_WEIGHT: f64 = 0.01;
 /// Share of the weights that accepts a lobe: its candidates predict better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
-/// Factor on the squared errors of predictions with sheen, whose four numbers also explain a little of other
-/// deviations from a Lambertian base.
-const SHEEN_HANDICAP: f64 = 1.15;
+/// Factor on the squared errors of predictions for each optional lobe: it also explains a little of a relief or
+/// a base that the model does not contain.
+const LOBE_HANDICAP: f64 = 1.1;
 
 /// Rounds of predictions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -334,7 +334,7 @@ impl PriorChoice {
         let at = |t| problem.coordinates(t, &state);
         let lobes = |t| problem.lobes(t, &state).unwrap_or(NO_LOBES);
         let error = prediction::error(&problem.sample, left_out, &state.correction, lobes, at);
-        if self.candidates[prediction / folds].sheen { SHEEN_HANDICAP * error } else { error }
+        LOBE_HANDICAP.powi(self.candidates[prediction / folds].lobes() as i32) * error
     }
 
     /// A candidate's fit to all photographs but one.

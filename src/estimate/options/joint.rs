@@ -145,4 +145,9 @@ impl JointPrior {
         let Self { directions, coated, sheen, .. } = *other;
         Self { directions, coated, sheen, ..self }
     }
+
+    /// Number of optional lobes; two directions count as two.
+    pub(in crate::estimate) fn lobes(&self) -> usize {
+        self.directions + usize::from(self.coated) + usize::from(self.sheen)
+    }
 }
