@@ -42,9 +42,9 @@ const FOLDS: usize = 3;
 const MIN_WEIGHT: f64 = 0.01;
 /// Share of the weights that accepts a lobe: its candidates predict better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
-/// Factor on the squared errors of predictions for each optional lobe: it also explains a little of a relief or
-/// a base that the model does not contain.
-const LOBE_HANDICAP: f64 = 1.1;
+/// Factor on the squared errors of predictions for each parameter of an optional lobe: it also explains a little
+/// of a relief or a base that the model does not contain.
+const HANDICAP: f64 = 1.05;
 
 /// Rounds of predictions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -334,7 +334,7 @@ impl PriorChoice {
         let at = |t| problem.coordinates(t, &state);
         let lobes = |t| problem.lobes(t, &state).unwrap_or(NO_LOBES);
         let error = prediction::error(&problem.sample, left_out, &state.correction, lobes, at);
-        LOBE_HANDICAP.powi(self.candidates[prediction / folds].lobes() as i32) * error
+        HANDICAP.powi(self.candidates[prediction / folds].lobe_parameters() as i32) * error
     }
 
     /// A candidate's fit to all photographs but one.

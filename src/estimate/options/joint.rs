@@ -146,8 +146,8 @@ impl JointPrior {
         Self { directions, coated, sheen, ..self }
     }
 
-    /// Number of optional lobes; two directions count as two.
-    pub(in crate::estimate) fn lobes(&self) -> usize {
-        self.directions + usize::from(self.coated) + usize::from(self.sheen)
+    /// Number of parameters of the optional lobes.
+    pub(in crate::estimate) fn lobe_parameters(&self) -> usize {
+        2 * (self.directions + usize::from(self.coated)) + 4 * usize::from(self.sheen)
     }
 }
