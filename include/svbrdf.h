@@ -1508,8 +1508,12 @@ svbrdf_status svbrdf_maps_uncertainty(const struct svbrdf_maps *maps,
 
 /**
  * Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
- * colour of an albedo (linear), of roughness. Two errors of three are within it. Only for maps of
- * svbrdf_session_snapshot_with_uncertainty(). The memory belongs to the library and ends with the maps.
+ * colour of an albedo (linear), of roughness, of the sheen's roughness. Other lobes have three floats each:
+ * SVBRDF_MAP_COAT those of weight, roughness, 0; SVBRDF_MAP_SHEEN those of red, green, blue;
+ * SVBRDF_MAP_ANISOTROPY those of ln(larger alpha / smaller alpha) times the cosine and times the sine of twice the
+ * direction's angle, 0. Two errors of three are within it. SVBRDF_NO_LOBE where the material does not have
+ * the lobe. Only for maps of svbrdf_session_snapshot_with_uncertainty(). The memory belongs to the library and
+ * ends with the maps.
  */
 svbrdf_status svbrdf_maps_deviations(const struct svbrdf_maps *maps,
                                      svbrdf_map map,

@@ -13,7 +13,7 @@ use svbrdf::export::{MapsOptions, read_maps, write_maps};
 use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::session::{Driver, MapsWithUncertainty, RestoreOptions, Session, Settings};
-use svbrdf::svbrdf::channel;
+use svbrdf::svbrdf::{CHANNELS, LOBES, channel, lobe};
 use svbrdf::uncertainty::MapDeviations;
 use svbrdf::{Error, Svbrdf};
 
@@ -97,6 +97,38 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
 }
 
 #[test]
+fn deviations_of_lobes_are_stated_and_kept_with_the_session() {
+    let mut brushed = material();
+    let mut lobes = vec![0.0; lobe::SHEEN * brushed.texels()];
+    lobes[..brushed.texels()].fill(0.9);
+    brushed.set_lobes(lobes).unwrap();
+    let session = session();
+    let further = [[-30.0, -50.0, 120.0], [20.0, 60.0, 110.0]];
+    for position in POSITIONS.into_iter().chain(further) {
+        let outcome = session.add_rectified_photo(&photo(&brushed, position), position, position);
+        outcome.unwrap().into_result().unwrap();
+    }
+    session.wait().unwrap();
+    let MapsWithUncertainty { maps, uncertainty } = session.snapshot_with_uncertainty().unwrap();
+    assert_eq!(uncertainty.planes().len(), maps.planes().len() / CHANNELS * 4 + maps.lobes().len());
+    let [found, _] = maps.anisotropy().unwrap();
+    let deviations = uncertainty.lobe(lobe::ANISOTROPY_X).unwrap();
+    let within =
+        found.iter().zip(deviations).filter(|(v, sigma)| (**v - 0.9).abs() < 2.0 * **sigma);
+    let within = within.count();
+    assert!(10 * within > 9 * maps.texels(), "{within} {} {}", found[0], deviations[0]);
+    assert!(deviations.iter().all(|sigma| (0.01..0.4).contains(sigma)), "{}", deviations[0]);
+    assert!(uncertainty.lobe(lobe::COAT).unwrap().iter().all(|sigma| *sigma == 0.0));
+    assert_eq!(uncertainty.of_maps().coat, None);
+
+    let networks = Arc::new(Networks::embedded().unwrap());
+    let options = RestoreOptions::default();
+    let restored = Session::restore(&session.save().unwrap(), networks, options).unwrap();
+    let after = restored.snapshot_with_uncertainty().unwrap().uncertainty;
+    assert_eq!(after.lobe(lobe::ANISOTROPY_X), uncertainty.lobe(lobe::ANISOTROPY_X));
+}
+
+#[test]
 fn texels_that_no_photograph_shows_are_known_least() {
     let truth = material();
     let networks = Arc::new(Networks::embedded().unwrap());
@@ -156,7 +188,7 @@ fn views_tell_most_where_none_was() {
 #[test]
 fn files_of_maps_hold_deviations_beside_what_others_read() {
     let maps = Svbrdf::new(4, 2);
-    let planes: Vec<f32> = (0..32).map(|i| 0.01 * i as f32).collect();
+    let planes: Vec<f32> = (0..8 * (4 + LOBES)).map(|i| 0.01 * i as f32).collect();
     let uncertainty = svbrdf::uncertainty::Uncertainty::from_planes(4, 2, planes.clone()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("maps");
@@ -170,7 +202,20 @@ fn files_of_maps_hold_deviations_beside_what_others_read() {
     let image = exr::prelude::read_first_flat_layer_from_file(dir.join("maps.exr")).unwrap();
     std::fs::remove_dir_all(&dir).unwrap();
     assert_eq!(read.planes(), maps.planes());
-    let names = ["normal", "diffuse", "specular", "roughness"];
+    let names = [
+        "normal",
+        "diffuse",
+        "specular",
+        "roughness",
+        "anisotropy.cosine",
+        "anisotropy.sine",
+        "coat.weight",
+        "coat.roughness",
+        "sheen.R",
+        "sheen.G",
+        "sheen.B",
+        "sheen.roughness",
+    ];
     for (name, plane) in names.into_iter().zip(planes.chunks(8)) {
         let channels = &image.layer_data.channel_data.list;
         let name = format!("deviation.{name}");

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
 use engine::export::{MapsOptions, write_maps, write_preview};
+use engine::svbrdf::lobe;
 use engine::uncertainty::Uncertainty;
 
 use crate::handles::Handles;
@@ -122,6 +123,8 @@ pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
     uncertainty: Option<Uncertainty>,
+    /// Deviations of lobes with several channels, from SVBRDF_MAP_ANISOTROPY on, made when first asked for.
+    lobe_deviations: [OnceLock<Vec<f32>>; 3],
     /// Found when first asked for.
     shown: OnceLock<Shown>,
     /// Made when first asked for.
@@ -150,8 +153,8 @@ fn insert(
     uncertainty: Option<Uncertainty>,
 ) -> *mut svbrdf_maps {
     let handle = Handles::<Maps>::reserve();
-    let (shown, views) = Default::default();
-    let maps = Maps { maps, sample_mm, uncertainty, shown, views };
+    let (lobe_deviations, shown, views) = Default::default();
+    let maps = Maps { maps, sample_mm, uncertainty, lobe_deviations, shown, views };
     MAPS.insert(handle, Arc::new(maps));
     std::ptr::without_provenance_mut(handle)
 }
@@ -317,6 +320,35 @@ impl Maps {
                 "maps: without uncertainty; see svbrdf_session_snapshot_with_uncertainty()",
             )
         })
+    }
+
+    /// Standard deviations of a map at every texel, and their number of channels.
+    pub(crate) fn deviations(&self, map: svbrdf_map) -> Result<(&[f32], u32), Fault> {
+        let uncertainty = self.uncertainty()?;
+        // Unknown maps and absent lobes.
+        MapPicture::new(self, map)?;
+        let of = |lobe: usize| {
+            let unknown = || Fault::new(SVBRDF_NO_LOBE, "map: the deviations are not known");
+            uncertainty.lobe(lobe).ok_or_else(unknown)
+        };
+        let interleaved = |map: svbrdf_map, planes: [Option<&[f32]>; 3]| {
+            let value = |texel| planes.map(|plane| plane.map_or(0.0, |plane| plane[texel]));
+            let slot = &self.lobe_deviations[(map - SVBRDF_MAP_ANISOTROPY) as usize];
+            slot.get_or_init(|| (0..self.maps.texels()).flat_map(value).collect())
+        };
+        let several = match map {
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => return Ok((uncertainty.normal(), 1)),
+            SVBRDF_MAP_DIFFUSE => return Ok((uncertainty.diffuse(), 1)),
+            SVBRDF_MAP_SPECULAR => return Ok((uncertainty.specular(), 1)),
+            SVBRDF_MAP_ROUGHNESS => return Ok((uncertainty.roughness(), 1)),
+            SVBRDF_MAP_SHEEN_ROUGHNESS => return Ok((of(lobe::SHEEN_ROUGHNESS)?, 1)),
+            SVBRDF_MAP_ANISOTROPY => {
+                [Some(of(lobe::ANISOTROPY_X)?), Some(of(lobe::ANISOTROPY_Y)?), None]
+            }
+            SVBRDF_MAP_COAT => [Some(of(lobe::COAT)?), Some(of(lobe::COAT_ROUGHNESS)?), None],
+            _ => [Some(of(lobe::SHEEN)?), Some(of(lobe::SHEEN + 1)?), Some(of(lobe::SHEEN + 2)?)],
+        };
+        Ok((interleaved(map, several), 3))
     }
 }
 

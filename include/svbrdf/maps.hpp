@@ -142,7 +142,8 @@ public:
         check(svbrdf_maps_uncertainty(get(), &found));
         return found;
     }
-    /// The same at every texel, one value each. Valid as long as these maps.
+    /// The same at every texel, one value each; of anisotropy, coat and the colour of sheen three, see
+    /// svbrdf_maps_deviations(). Valid as long as these maps.
     MapView<float> deviations(Map map) const {
         svbrdf_map_view v = make(svbrdf_map_view_init);
         check(svbrdf_maps_deviations(get(), to_c(map), &v));

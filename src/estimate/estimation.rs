@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::budget::Meter;
+use super::bundle::EstimatedLobes;
 use super::correction::{Correction, LightCorrection};
 use super::finer::interpolated;
 use super::joint;
@@ -68,6 +69,8 @@ pub(crate) struct Estimation {
     /// From the first photograph on; `None` in the baseline.
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,
+    /// Optional lobes of the maps, if any: of all texels or of each direction.
+    pub(crate) lobes: Vec<EstimatedLobes>,
     pub(super) loss: f32,
     fraction: f32,
     /// The correction at the start of the latest fit and, in the baseline, the maps.
@@ -92,6 +95,7 @@ impl Estimation {
             task,
             latent: None,
             stage: Stage::Settled(None),
+            lobes: Vec::new(),
             loss: 0.0,
             fraction: 0.0,
             begun_with: Default::default(),
@@ -253,7 +257,7 @@ impl Estimation {
     }
 
     pub(super) fn begin(&mut self) {
-        (self.fraction, self.reports) = (0.0, Vec::new());
+        (self.fraction, self.reports, self.lobes) = (0.0, Vec::new(), Vec::new());
         let Stage::Settled(maps) = &mut self.stage else { return };
         // The baseline continues with the maps, the other method with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
@@ -347,6 +351,7 @@ impl Estimation {
                 photographs: &mut self.photographs,
                 latent: &mut self.latent,
                 map_state: &mut run.map_state,
+                lobes: &mut self.lobes,
                 meter,
                 loss: &mut self.loss,
                 early_stop: &mut self.early_stop,

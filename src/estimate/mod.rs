@@ -64,6 +64,7 @@ mod task;
 
 pub use budget::Budget;
 pub(crate) use budget::Meter;
+pub(crate) use bundle::EstimatedLobes;
 pub use coordinates::coordinates;
 pub use correction::{Correction, LightCorrection};
 pub use estimation::Step;

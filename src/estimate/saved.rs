@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::bundle::EstimatedLobes;
 use super::correction::Correction;
 use super::estimation::{Estimation, Stage};
 use super::latent::{LatentFit, SavedLatent};
@@ -20,6 +21,7 @@ use crate::{Error, Result, Svbrdf};
 pub(crate) struct SavedEstimate {
     /// The latest maps; for a baseline in progress those at its start; `None` before the first photograph.
     pub maps: Option<Svbrdf>,
+    lobes: Vec<EstimatedLobes>,
     /// Start of the next fit, and reference of the uncertainty; `None` in the baseline.
     latent: Option<SavedLatent>,
     pub correction: Correction,
@@ -42,6 +44,7 @@ impl Estimation {
         };
         SavedEstimate {
             maps: maps.or_else(|| self.maps().ok()),
+            lobes: self.lobes.clone(),
             latent: self.latent.as_ref().map(|latent| latent.save(unfinished)),
             correction: correction.clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
@@ -73,6 +76,7 @@ impl Estimation {
             || saved.latent.is_some() != (begun && task.method == Method::Deep)
             || (saved.unfinished && !begun)
             || !saved.loss.is_finite()
+            || !saved.lobes.as_flattened().as_flattened().iter().all(|v| v.is_finite())
         {
             return Err(Error::argument("estimate", "photographs and maps do not fit each other"));
         }
@@ -87,6 +91,7 @@ impl Estimation {
         }
         estimation.stage = Stage::Settled(saved.maps);
         (estimation.early_stop, estimation.loss) = (saved.early_stop, saved.loss);
+        estimation.lobes = saved.lobes;
         if saved.unfinished {
             estimation.begin();
         }

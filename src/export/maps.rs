@@ -37,9 +37,22 @@ const SHEEN: [&str; 4] = ["sheen.R", "sheen.G", "sheen.B", "sheen.roughness"];
 pub const LOBE_FILES: [&str; 4] =
     ["anisotropy.png", "coat.png", "sheen.png", "sheen_roughness.png"];
 
-/// Channels with the standard deviations, in the order of [`Uncertainty::planes`].
-const DEVIATIONS: [&str; 4] =
-    ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
+/// Channels with the standard deviations, in the order of [`Uncertainty::planes`]. Those of lobes are written with
+/// the lobe.
+const DEVIATIONS: [&str; 4 + LOBES] = [
+    "deviation.normal",
+    "deviation.diffuse",
+    "deviation.specular",
+    "deviation.roughness",
+    "deviation.anisotropy.cosine",
+    "deviation.anisotropy.sine",
+    "deviation.coat.weight",
+    "deviation.coat.roughness",
+    "deviation.sheen.R",
+    "deviation.sheen.G",
+    "deviation.sheen.B",
+    "deviation.sheen.roughness",
+];
 
 /// Statements in the files of maps beside the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,7 +61,9 @@ pub struct MapsOptions<'a> {
     /// `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
     pub sample_mm: Option<[f32; 2]>,
     /// Standard deviations: in `maps.exr`, in the channels `deviation.normal` (of each slope),
-    /// `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`.
+    /// `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`; of optional
+    /// lobes in `deviation.anisotropy.cosine/sine` (of [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]),
+    /// `deviation.coat.weight/roughness` and `deviation.sheen.R/G/B/roughness`.
     pub uncertainty: Option<&'a Uncertainty>,
 }
 
@@ -172,9 +187,11 @@ fn floats(
     let sheen = SHEEN.into_iter().zip(maps.sheen().into_iter().flatten());
     planes.extend(coat.chain(sheen).map(|(name, plane)| (name, plane.to_vec())));
     if let Some(uncertainty) = uncertainty {
-        for (name, plane) in DEVIATIONS.into_iter().zip(uncertainty.planes().chunks_exact(w * h)) {
-            planes.push((name, plane.to_vec()));
-        }
+        let deviations = DEVIATIONS.into_iter().zip(uncertainty.planes().chunks_exact(w * h));
+        let there =
+            |(i, (_, plane)): &(usize, (&str, &[f32]))| *i < 4 || plane.iter().any(|v| *v > 0.0);
+        let written = deviations.enumerate().filter(there);
+        planes.extend(written.map(|(_, (name, plane))| (name, plane.to_vec())));
     }
     encode_channels(w, h, planes, sample_mm)
 }

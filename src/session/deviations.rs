@@ -1,15 +1,16 @@
 //! Standard deviations of the maps, including ambiguities of the capture that residuals do not show:
 //!
 //! - **Lost highlights.** Where every highlight is saturated, the tails determine only the product of F0 and alpha².
-//!   Deviations then cover the F0 of all materials, with the roughness that belongs to each.
+//!   Deviations then cover the F0 of all materials, with the roughness that belongs to each. If the narrowest lobe is a
+//!   coat's, they cover all weights and the roughness of the coat as well.
 //! - **Unexplained cores.** Where a photograph shows the core of a highlight and the maps do not explain it, F0 and
-//!   roughness are off by what the core and the tails allow.
+//!   roughness, or weight and roughness of the coat, are off by what the core and the tails allow.
 //! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly, which changes the albedos.
 
 use crate::Result;
 use crate::assessment::Evidence;
 use crate::observation::Observation;
-use crate::svbrdf::channel;
+use crate::svbrdf::{channel, lobe};
 use crate::uncertainty::Uncertainty;
 
 use super::capture::{Board, Capture};
@@ -21,6 +22,8 @@ const F0: [f32; 2] = [0.04, 1.0];
 const DIFFUSE: usize = 1;
 const SPECULAR: usize = 2;
 const ROUGHNESS: usize = 3;
+const COAT: usize = 4 + lobe::COAT;
+const COAT_ROUGHNESS: usize = 4 + lobe::COAT_ROUGHNESS;
 
 /// Deviations of the maps of `evidence`, with the rectified photographs of the capture.
 pub(super) fn of_maps(
@@ -34,8 +37,15 @@ pub(super) fn of_maps(
     let narrowest = narrowest(maps);
     let mut planes = known.planes().to_vec();
     let mut widen = |plane: usize, texel: usize, by: f32| {
-        let value = &mut planes[plane * texels + texel];
-        *value = value.hypot(by);
+        if let Some(value) = planes.get_mut(plane * texels + texel) {
+            *value = value.hypot(by);
+        }
+    };
+    let coat = maps.coat();
+    // The weight of a texel's coat if that is the narrowest lobe.
+    let coat = |texel: usize| {
+        let [weights, roughness] = coat?;
+        (roughness[texel] == narrowest[texel]).then_some(weights[texel])
     };
     let mean =
         |from: usize, texel: usize| (0..3).map(|c| maps.plane(from + c)[texel]).sum::<f32>() / 3.0;
@@ -48,6 +58,12 @@ pub(super) fn of_maps(
             // Where only tails are visible, bare metal looks like a coat on black.
             let coated = maps.plane(channel::ROUGHNESS)[texel] - highlight;
             widen(ROUGHNESS, texel, of_roughness.hypot(coated));
+            if let Some(weight) = coat(texel) {
+                // Any weight, with equal probability.
+                let of_weight = (weight.powi(3) + (1.0 - weight).powi(3)) / 3.0;
+                widen(COAT, texel, of_weight.sqrt());
+                widen(COAT_ROUGHNESS, texel, of_roughness);
+            }
         }
     }
     for (texel, log) in core_errors(maps, photographs).into_iter().enumerate() {
@@ -55,6 +71,10 @@ pub(super) fn of_maps(
             let [of_f0, of_roughness] = of_core(log);
             widen(SPECULAR, texel, of_f0 * mean(channel::SPECULAR, texel));
             widen(ROUGHNESS, texel, of_roughness * narrowest[texel]);
+            if let Some(weight) = coat(texel) {
+                widen(COAT, texel, of_f0 * weight);
+                widen(COAT_ROUGHNESS, texel, of_roughness * narrowest[texel]);
+            }
         }
     }
     let brightness = capture.board().map_or(0.0, Board::height_brightness) as f32;

@@ -149,7 +149,8 @@ static void trusted(svbrdf_session *session)
     }
     CHECK(fabs(sqrt(squares / (double)count) - (double)uncertainty.roughness) < 1e-4);
     CHECK(uncertainty.normal > 0.0f && uncertainty.diffuse > 0.0f && uncertainty.specular > 0.0f);
-    EXPECT(svbrdf_maps_deviations(maps, 9, &view), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_SHEEN_ROUGHNESS, &view), SVBRDF_NO_LOBE);
+    EXPECT(svbrdf_maps_deviations(maps, 10, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_NORMAL, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_uncertainty(maps, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_snapshot_with_uncertainty(session, NULL), SVBRDF_INVALID_ARGUMENT);

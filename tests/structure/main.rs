@@ -21,7 +21,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("little_endian", &[]),
     ("geometry", &[]),
     ("svbrdf", &["little_endian"]),
-    ("uncertainty", &[]),
+    ("uncertainty", &["svbrdf"]),
     ("threads", &[]),
     ("random", &[]),
     ("observation", &["little_endian", "svbrdf"]),

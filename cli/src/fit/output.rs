@@ -10,7 +10,7 @@ use svbrdf::export::{
     encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
-use svbrdf::uncertainty::{MapDeviations, Uncertainty};
+use svbrdf::uncertainty::Uncertainty;
 
 use super::arguments::Arguments;
 use super::document::{self, Document};
@@ -63,7 +63,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
-        document.value["confidence"] = json!(uncertainty.as_ref().map(deviations));
+        document.value["confidence"] = json!(uncertainty.as_ref().map(Uncertainty::of_maps));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
@@ -110,12 +110,6 @@ impl Output<'_> {
         package.remarks.iter().for_each(terminal::say);
         Ok(package.files)
     }
-}
-
-/// Standard deviation of each map.
-fn deviations(uncertainty: &Uncertainty) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
-    json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 
 /// Whether a fit as asked for has been here before, came to its end, and has left all its files as they

@@ -139,6 +139,10 @@ fn coat([weight, roughness]: [&[f32]; 2]) -> String {
 /// How far the maps may be off.
 fn uncertainty(subject: &Subject) -> Option<Value> {
     let of = |map: &str| subject.report["confidence"][map].as_f64();
+    let pair = |lobe: &str| {
+        let text = format!("{:.2}, roughness {:.2}", of(lobe)?, of(&format!("{lobe}_roughness"))?);
+        Some(text)
+    };
     // Mean angle of two tilts with this deviation.
     let angle = |v: f64| (v * (0.5 * std::f64::consts::PI).sqrt()).atan().to_degrees();
     group(
@@ -152,6 +156,9 @@ fn uncertainty(subject: &Subject) -> Option<Value> {
                 .map(|v| ("Diffuse", format!("{v:.3} (ΔE00 {:.1})", brighter(subject.maps, v)))),
             of("specular").map(|v| ("F0", format!("{v:.3}"))),
             of("roughness").map(|v| ("Roughness", format!("{v:.3}"))),
+            of("anisotropy").map(|v| ("Anisotropy, each ln ratio", format!("{v:.2}"))),
+            pair("coat").map(|text| ("Coat", text)),
+            pair("sheen").map(|text| ("Sheen", text)),
         ],
     )
 }

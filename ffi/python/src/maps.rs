@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
 use svbrdf::observation::{Falloff, View};
-use svbrdf::svbrdf::MAX_SLOPE;
+use svbrdf::svbrdf::{MAX_SLOPE, lobe};
 use svbrdf::uncertainty::Uncertainty;
 use svbrdf::{Svbrdf, render};
 
@@ -268,7 +268,9 @@ impl Maps {
     }
 
     /// Standard deviations, each (height, width), under ``normal`` (of each slope), ``diffuse``, ``specular`` (of each
-    /// colour) and ``roughness``; ``None`` where they are not known.
+    /// colour) and ``roughness``; ``None`` where they are not known. With the lobes also ``anisotropy``, (height, width, 2), of
+    /// ln(larger alpha / smaller alpha) times the cosine and times the sine of twice the direction's angle; ``coat``, (height,
+    /// width, 2), and ``sheen``, (height, width, 4), of their values.
     #[getter]
     fn deviations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(uncertainty) = &self.uncertainty else { return Ok(None) };
@@ -280,6 +282,21 @@ impl Maps {
             ("roughness", uncertainty.roughness()),
         ] {
             deviations.set_item(name, self.plane(py, plane))?;
+        }
+        let Shown { anisotropy, coat, sheen } = Shown::of(&self.maps);
+        let of = |lobe: usize, i: usize| uncertainty.lobe(lobe).map_or(0.0, |plane| plane[i]);
+        if anisotropy.is_some() {
+            let planes = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y];
+            deviations
+                .set_item("anisotropy", self.texels(py, |i| planes.map(|lobe| of(lobe, i))))?;
+        }
+        if coat {
+            let planes = [lobe::COAT, lobe::COAT_ROUGHNESS];
+            deviations.set_item("coat", self.texels(py, |i| planes.map(|lobe| of(lobe, i))))?;
+        }
+        if sheen {
+            let planes = [0, 1, 2, 3].map(|c| lobe::SHEEN + c);
+            deviations.set_item("sheen", self.texels(py, |i| planes.map(|lobe| of(lobe, i))))?;
         }
         Ok(Some(deviations))
     }

@@ -95,6 +95,10 @@ export class MapsView {
       diffuse: `± ${of.diffuse.toFixed(3)}`,
       specular: `± ${of.specular.toFixed(3)}`,
       roughness: `± ${of.roughness.toFixed(2)}`,
+      anisotropy: of.anisotropy && `± ${of.anisotropy.toFixed(2)} of ln(alpha ratio)`,
+      coat: of.coat && `± ${of.coat.toFixed(2)}, its roughness ± ${of.coat_roughness.toFixed(2)}`,
+      sheen: of.sheen && `± ${of.sheen.toFixed(3)}`,
+      sheen_roughness: of.sheen_roughness && `± ${of.sheen_roughness.toFixed(2)}`,
     };
     this.cells.forEach(({ name, deviation }) => (deviation.textContent = said?.[name] ?? ''));
     $('stated').hidden = !of;

@@ -241,7 +241,7 @@ impl Scan {
     /// # Errors
     /// Before the first photograph was accepted, and when the scan has failed.
     pub fn deviations(&self) -> Result<String, JsError> {
-        Ok(report::deviations(&self.session.snapshot_with_uncertainty()?.uncertainty).to_string())
+        Ok(json!(self.session.snapshot_with_uncertainty()?.uncertainty.of_maps()).to_string())
     }
 
     /// Everything that is known of the scan, as `report.json` of the command line has it.

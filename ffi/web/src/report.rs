@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use svbrdf::session::{Hint, Session};
-use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 
 /// The report: `rows` of the photographs with what is known of them now.
 pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
@@ -42,15 +41,9 @@ pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
         "flash": camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() })),
         "next_view": next_view,
         "ambient_fraction": session.ambient_fraction(),
-        "deviations": session.snapshot_with_uncertainty().ok().map(|a| deviations(&a.uncertainty)),
+        "deviations": session.snapshot_with_uncertainty().ok().map(|a| a.uncertainty.of_maps()),
         "resolution": session.settings().resolution,
         "method": "deep",
         "seconds_total": time.as_secs_f64(),
     })
-}
-
-/// Standard deviation of each map.
-pub fn deviations(uncertainty: &Uncertainty) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
-    json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }

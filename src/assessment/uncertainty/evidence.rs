@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
 use crate::estimate::coordinates::is_albedo;
-use crate::estimate::{Estimation, Noise, Spread, spread};
+use crate::estimate::{EstimatedLobes, Estimation, Noise, Spread, spread};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, channel, lobe};
 use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
@@ -66,6 +66,8 @@ pub struct Evidence {
     mean_residual: f32,
     specular: f32,
     roughness: f32,
+    /// Optional lobes, if any: of all texels or of each direction.
+    lobes: Vec<EstimatedLobes>,
 }
 
 struct Planes {
@@ -116,6 +118,7 @@ impl Estimation {
             mean_residual,
             specular: root_mean_square(&maps, channel::SPECULAR..channel::ROUGHNESS),
             roughness: root_mean_square(&maps, channel::ROUGHNESS..CHANNELS),
+            lobes: self.lobes.clone(),
             maps,
         })
     }
@@ -195,7 +198,30 @@ impl Evidence {
                 sigma.hypot(prior).clamp(LEAST, MOST[map])
             })
         });
-        Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())
+        let count = if self.lobes.is_empty() { 0 } else { self.maps.lobes().len() / texels };
+        let lobes =
+            (0..count).flat_map(|i| parallel::values(texels, |t| self.lobe_deviation(i, t)));
+        Uncertainty::from_planes(
+            self.maps.width(),
+            self.maps.height(),
+            planes.chain(lobes).collect(),
+        )
+    }
+
+    /// The standard deviation of one of a texel's optional lobes. A texel between two directions belongs to one of
+    /// them; its share is the probability.
+    fn lobe_deviation(&self, i: usize, texel: usize) -> f32 {
+        let (Some(a), Some(b)) = (self.lobes.first(), self.lobes.last()) else { return 0.0 };
+        let [[of_a, sigma_a], [of_b, sigma_b]] = [a, b];
+        let (mut along, mut square) = (0.0, f64::MIN_POSITIVE);
+        for c in [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y] {
+            along += (of_b[c] - of_a[c]) * (self.maps.lobes_at(texel)[c] - of_a[c]);
+            square += (of_b[c] - of_a[c]).powi(2);
+        }
+        let share = (along / square).clamp(0.0, 1.0);
+        let within = (1.0 - share) * sigma_a[i].powi(2) + share * sigma_b[i].powi(2);
+        let between = share * (1.0 - share) * (of_b[i] - of_a[i]).powi(2);
+        (within + between).sqrt() as f32
     }
 }
 

@@ -29,6 +29,9 @@ const TEXEL_LENGTHS: [f64; 3] = [1.0, 0.3, 0.0];
 /// Longest step of a coordinate of a texel or of a group.
 const MAX_STEP: f64 = 0.2;
 
+/// Reduced equations of some texels, and the eliminated texels.
+type Task = (Reduced, Vec<Eliminated>);
+
 /// Blocks of eight texels.
 fn eights(from: usize, to: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
     (from..to).step_by(LANES).map(move |first| first..(first + LANES).min(to))
@@ -108,27 +111,22 @@ impl Descent {
 }
 
 impl Problem {
-    /// The steps of the shared unknowns and of each texel; `None` if the equations are singular.
-    pub(super) fn step(
-        &self,
-        state: &State,
-        damping: f64,
-    ) -> Option<(DVector<f64>, Vec<TexelStep>)> {
+    /// The damped reduced equations, and those of each task with its eliminated texels.
+    pub(super) fn reduced(&self, state: &State, damping: f64) -> (Reduced, Vec<Task>) {
         let size = self.groups.coordinates.len() * state.groups.len() + self.shared.len();
         let linear = self.linear(state);
         let n = self.sample.texels();
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
-        let parts: Vec<(Reduced, Vec<Eliminated>)> =
-            parallel::map_parts(chunks.iter(), |_, &from| {
-                let (mut sum, mut totals) = (Reduced::zeros(size), Totals::zeros(size));
-                let eliminated = eights(from, (from + CHUNK).min(n))
-                    .map(|texels| {
-                        self.eliminate_eight(texels, state, &linear, damping, &mut sum, &mut totals)
-                    })
-                    .collect();
-                totals.add_to(&mut sum);
-                (sum, eliminated)
-            });
+        let parts: Vec<Task> = parallel::map_parts(chunks.iter(), |_, &from| {
+            let (mut sum, mut totals) = (Reduced::zeros(size), Totals::zeros(size));
+            let eliminated = eights(from, (from + CHUNK).min(n))
+                .map(|texels| {
+                    self.eliminate_eight(texels, state, &linear, damping, &mut sum, &mut totals)
+                })
+                .collect();
+            totals.add_to(&mut sum);
+            (sum, eliminated)
+        });
         let mut sum = Reduced::zeros(size);
         for (part, _) in &parts {
             sum.matrix += &part.matrix;
@@ -139,8 +137,18 @@ impl Problem {
             sum.matrix[(i, i)] *= 1.0 + damping;
         }
         sum.matrix.fill_upper_triangle_with_lower_triangle();
+        (sum, parts)
+    }
+
+    /// The steps of the shared unknowns and of each texel; `None` if the equations are singular.
+    pub(super) fn step(
+        &self,
+        state: &State,
+        damping: f64,
+    ) -> Option<(DVector<f64>, Vec<TexelStep>)> {
+        let (sum, parts) = self.reduced(state, damping);
         let shared = self.solved(state, &sum)?;
-        let mut steps = vec![TexelStep::default(); n];
+        let mut steps = vec![TexelStep::default(); self.sample.texels()];
         let tasks = steps.chunks_mut(CHUNK).zip(&parts);
         parallel::parts(tasks, |chunk, (steps, (_, eliminated))| {
             let from = chunk * CHUNK;

@@ -9,6 +9,7 @@ mod costs;
 mod descent;
 mod elimination;
 mod equations;
+mod lobes;
 mod parameters;
 mod problem;
 mod sample;
@@ -18,6 +19,7 @@ mod sums;
 mod tests;
 
 pub(super) use descent::{Descent, Limits};
+pub(crate) use lobes::EstimatedLobes;
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
 pub(super) use problem::{Groups, Problem};
 pub(super) use sample::{Sample, colours};

@@ -21,7 +21,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use super::bundle::{Descent, Sample, SharedLobes};
+use super::bundle::{Descent, EstimatedLobes, Sample, SharedLobes};
 use super::clusters::{Clusters, Feature};
 use super::coordinates::{Coordinates, from_coordinate, to_coordinate};
 use super::correction::{Correction, LightCorrection};
@@ -50,6 +50,7 @@ pub(super) struct JointFit {
     /// Share of the texels' own deviations of gloss in the prior's mean, with too few photographs to leave
     /// one out.
     own: Option<f64>,
+    independent_texels: f64,
 }
 
 impl JointFit {
@@ -80,7 +81,8 @@ impl JointFit {
             setup = setup.with_directions(&Directions::of(&problem, &state));
         }
         let problem = setup.problem(&sample, which, &prior, board, options);
-        Self { descent: descent(problem, STEPS), prior, classes, own }
+        let independent_texels = options.joint.independent_texels;
+        Self { descent: descent(problem, STEPS), prior, classes, own, independent_texels }
     }
 
     pub fn step(&mut self) {
@@ -117,10 +119,17 @@ impl JointFit {
     }
 
     /// Corrects the photographs' views, and sets maps and prior of the last steps: gloss of classes, learned
-    /// slopes, chosen sigmas.
-    pub fn finish(self, photographs: &mut Photographs, map_state: &mut MapState) {
-        let Self { descent, prior, classes, own } = self;
+    /// slopes, chosen sigmas. Returns the optional lobes, if any: of all texels or of each direction.
+    pub fn finish(
+        self,
+        photographs: &mut Photographs,
+        map_state: &mut MapState,
+    ) -> Vec<EstimatedLobes> {
+        let Self { descent, prior, classes, own, independent_texels } = self;
         let (problem, state) = (descent.problem, descent.progress.state);
+        let lobes = problem
+            .estimated_lobes(&state, prior.directions, independent_texels)
+            .unwrap_or_default();
         let mut values = state.groups;
         for (class, mean) in values.iter_mut().zip(&problem.groups.mean) {
             class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
@@ -135,23 +144,17 @@ impl JointFit {
         let slopes = flattened(&map_state.maps, prior.relief as f32);
         photographs.correct(state.correction);
         let mut gloss = Gloss { classes, values, lobes: None, directions: Vec::new() };
-        if let Some(lobes) = &state.lobes
-            && prior.directions == 2
-        {
+        if let [[a, _], [b, _]] = lobes[..] {
             let without = gloss.maps(&slopes, own, photographs);
-            let of_direction = |shares: [f32; 2]| {
-                let of_classes = std::iter::repeat_n(0.0, gloss.classes.len());
-                lobes.of_texel(std::iter::once(1.0).chain(of_classes).chain(shares))
-            };
-            let lobes = [[1.0, 0.0], [0.0, 1.0]].map(of_direction);
             gloss.directions =
-                Directions::at_full_size(&without, photographs.full(), problem.noise, lobes);
+                Directions::at_full_size(&without, photographs.full(), problem.noise, [a, b]);
         }
         gloss.lobes = state.lobes;
         map_state.mean = gloss.maps(&slopes, own, photographs);
         map_state.maps.clone_from(&map_state.mean);
         map_state.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
         map_state.fixed_noise = Some(prior.noise as f32);
+        lobes
     }
 }
 

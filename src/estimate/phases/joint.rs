@@ -103,7 +103,7 @@ impl Work for Joint {
         if done.ended {
             self.shared = Some(fit.shared(&context.options.joint.shared));
             if let Some(fit) = self.fit.take() {
-                fit.finish(context.photographs, map_state);
+                *context.lobes = fit.finish(context.photographs, map_state);
             }
         }
         Ok(done)

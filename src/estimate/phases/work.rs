@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::estimate::budget::Meter;
+use crate::estimate::bundle::EstimatedLobes;
 use crate::estimate::latent::LatentFit;
 use crate::estimate::map_state::MapState;
 use crate::estimate::options::EstimateOptions;
@@ -43,6 +44,8 @@ pub(in crate::estimate) struct Context<'a> {
     pub latent: &'a mut Option<LatentFit>,
     /// Maps and prior; `None` during the latent phase.
     pub map_state: &'a mut Option<MapState>,
+    /// Optional lobes of the maps, if any: of all texels or of each direction.
+    pub lobes: &'a mut Vec<EstimatedLobes>,
     pub meter: &'a mut Meter,
     /// Mean log-L1 over all photographs.
     pub loss: &'a mut f32,

@@ -181,7 +181,9 @@ public final class MaterialMaps: @unchecked Sendable {
         return Uncertainty(found)
     }
 
-    /// A standard deviation at every texel, of maps that were taken with it.
+    /// A standard deviation at every texel, of maps that were taken with it. Of `coat` (weight, roughness, 0), `sheen`
+    /// (red, green, blue) and `anisotropy` three: of ln(larger alpha / smaller alpha) times the cosine and times the
+    /// sine of twice the direction's angle, 0.
     public func deviations(of map: MapKind) throws -> [Float] {
         var view = try filled(svbrdf_map_view(), svbrdf_map_view_init)
         try check(svbrdf_maps_deviations(maps, map.code, &view))

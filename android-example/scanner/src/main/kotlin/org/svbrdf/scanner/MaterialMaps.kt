@@ -74,9 +74,16 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
             return Uncertainty(v[0].toFloat(), v[1].toFloat(), v[2].toFloat(), v[3].toFloat())
         }
 
-    /** The same at every texel, row by row: two errors of three are within it. A copy. */
-    fun deviations(map: MapKind): FloatArray =
-        FloatArray(width * height).also { Native.mapsDeviations(this, handle.now, map.code, it) }
+    /**
+     * The same at every texel, row by row: two errors of three are within it. A copy. One value a texel; of
+     * [MapKind.COAT] (weight, roughness, 0), [MapKind.SHEEN] (red, green, blue) and [MapKind.ANISOTROPY] three: of
+     * ln(larger alpha / smaller alpha) times the cosine and times the sine of twice the direction's angle, 0.
+     */
+    fun deviations(map: MapKind): FloatArray {
+        val several = map == MapKind.ANISOTROPY || map == MapKind.COAT || map == MapKind.SHEEN
+        val values = FloatArray(width * height * if (several) 3 else 1)
+        return values.also { Native.mapsDeviations(this, handle.now, map.code, it) }
+    }
 
     private fun direct(into: ByteBuffer): ByteBuffer {
         require(into.isDirect && !into.isReadOnly) { "into: a direct, writable buffer expected" }
