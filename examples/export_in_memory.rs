@@ -8,8 +8,10 @@ use std::error::Error;
 
 use svbrdf::export::{ExportOptions, Format, MapsOptions, encode_maps, export, read_maps};
 
-/// Names and bytes of the files.
-pub fn run(folder: &str) -> Result<Vec<(String, Vec<u8>)>, Box<dyn Error>> {
+/// Names and bytes of files.
+type Files = Vec<(String, Vec<u8>)>;
+
+pub fn run(folder: &str) -> Result<Files, Box<dyn Error>> {
     let maps = read_maps(folder)?;
     // The maps themselves, as PNG and OpenEXR.
     let mut files = encode_maps(&maps, &MapsOptions::default())?;
