@@ -11,6 +11,10 @@ use svbrdf::export::{ExportOptions, Format, MapsOptions, encode_maps, export, re
 /// Names and bytes of files.
 type Files = Vec<(String, Vec<u8>)>;
 
+/// Exports the maps of a folder.
+///
+/// # Errors
+/// When a map cannot be read or a file not be made.
 pub fn run(folder: &str) -> Result<Files, Box<dyn Error>> {
     let maps = read_maps(folder)?;
     // The maps themselves, as PNG and OpenEXR.
