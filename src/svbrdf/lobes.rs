@@ -3,7 +3,7 @@
 /// Number of parameters of the optional lobes of a texel.
 pub const LOBES: usize = 8;
 
-/// Index of each parameter plane of the optional lobes, [`Svbrdf::lobes`].
+/// Index of each parameter plane of the optional lobes, [`Svbrdf::lobes`](super::Svbrdf::lobes).
 pub mod lobe {
     /// Anisotropy of the specular lobe: `ln(alpha along / alpha across)` times the cosine of twice
     /// the angle of the direction of the larger alpha, counter-clockwise from X. `roughness²` is
