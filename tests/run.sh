@@ -8,7 +8,7 @@
 # where dependencies have been compiled.
 #
 # Without --quick, everything is compiled once, and lints, packages, exports, report and Python module are checked
-# beside the tests: half an hour on two cores the first time, 20 minutes where dependencies have been compiled. The
+# beside the tests: 24 minutes on two cores the first time, 14 where dependencies have been compiled. The
 # last line says how long the run took. Packages that are missing are installed by apt (as root, or by sudo), one
 # call a tool, so that one that cannot be had leaves the others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration

@@ -40,8 +40,8 @@ pub(in crate::session) fn core_errors(maps: &Svbrdf, photographs: &[Observation]
     materials.iter().map(|material| errors.get(*material).copied().unwrap_or(0.0)).collect()
 }
 
-/// Texels of which a photograph shows the core, unsaturated, with their errors; takes the roughness of the narrowest
-/// lobes.
+/// Texels whose core a photograph shows below saturation, with their errors. `narrowest` is the roughness of each
+/// texel's narrowest lobe.
 fn errors(maps: &Svbrdf, narrowest: &[f32], photograph: &Observation) -> Vec<(usize, f32)> {
     let texels = maps.texels();
     let mut rendered = vec![0.0; 3 * texels];
