@@ -16,18 +16,15 @@ pub(super) struct Clusters {
 }
 
 impl Clusters {
-    /// At most `count` clusters of texels, fewer if all lie near their centres. Texels within `reach` of two
-    /// clusters belong to both; without it, the mean distance to the nearest centre decides.
-    pub fn find(features: &[Feature], count: usize, reach: Option<f32>) -> Self {
-        let samples: Vec<Feature> = every(features.len()).map(|t| features[t]).collect();
-        let square = reach.unwrap_or(0.0).powi(2);
-        let centres = centres(&samples, count, 0.25 * square);
-        let distances = || samples.iter().map(|s| f64::from(nearest(&centres, s).1)).sum::<f64>();
-        let spread = match reach {
-            Some(_) => 2.0 * square,
-            None => (distances() / samples.len().max(1) as f64) as f32 + 1e-6,
-        };
-        Self { centres, spread }
+    /// At most `count` clusters of texels, fewer if all equal their centres. Texels about as far from two centres
+    /// belong to both; the mean squared distance to the nearest centre is the scale.
+    pub fn find(features: &[Feature], count: usize) -> Self {
+        // An odd step visits more columns than an even one.
+        let step = (features.len() / SAMPLES).max(1) | 1;
+        let samples: Vec<Feature> = features.iter().step_by(step).copied().collect();
+        let centres = centres(&samples, count);
+        let distances = samples.iter().map(|s| f64::from(nearest(&centres, s).1)).sum::<f64>();
+        Self { centres, spread: (distances / samples.len().max(1) as f64) as f32 + 1e-6 }
     }
 
     /// Number of clusters.
@@ -52,14 +49,9 @@ impl Clusters {
     }
 }
 
-/// A subset of texels. An odd step visits more columns than an even one.
-pub(super) fn every(texels: usize) -> impl Iterator<Item = usize> {
-    (0..texels).step_by((texels / SAMPLES).max(1) | 1)
-}
-
-/// At most `count` centres of samples, fewer if all samples lie within the squared distance `within`.
-fn centres(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
-    let mut centres = seeds(samples, count, within);
+/// At most `count` centres of samples.
+fn centres(samples: &[Feature], count: usize) -> Vec<Feature> {
+    let mut centres = seeds(samples, count);
     for _ in 0..ROUNDS {
         let mut sums = vec![([0.0f64; 3], 0usize); centres.len()];
         for sample in samples {
@@ -77,7 +69,7 @@ fn centres(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
 }
 
 /// The first sample, then repeatedly the one farthest from all seeds so far.
-fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
+fn seeds(samples: &[Feature], count: usize) -> Vec<Feature> {
     let mut seeds: Vec<Feature> = samples.first().copied().into_iter().collect();
     let mut distances = vec![f32::MAX; samples.len()];
     while let Some(last) = seeds.last().filter(|_| seeds.len() < count).copied() {
@@ -85,7 +77,7 @@ fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
             *d = d.min(distance(s, &last));
         }
         let farthest = (0..samples.len()).max_by(|&a, &b| distances[a].total_cmp(&distances[b]));
-        match farthest.filter(|i| distances[*i] > within) {
+        match farthest.filter(|i| distances[*i] > 0.0) {
             Some(i) => seeds.push(samples[i]),
             None => break,
         }
@@ -113,7 +105,7 @@ mod tests {
         let samples: Vec<Feature> = (0..300)
             .map(|i| clouds[i % 3].map(|v| v + 0.006 * ((i % 7) as f32 - 3.0) / 3.0))
             .collect();
-        let clusters = Clusters::find(&samples, 8, Some(0.05));
+        let clusters = Clusters::find(&samples, 3);
         assert_eq!(clusters.len(), 3);
         let mut all = [0.0; 3];
         let between =
@@ -125,7 +117,7 @@ mod tests {
         for (a, b) in clusters.iter().zip([clouds[0], clouds[2], clouds[1]]) {
             assert!(distance(a, &b) < 1e-4, "{a:?} {b:?}");
         }
-        assert_eq!(Clusters::find(&samples, 1, None).len(), 1);
-        assert_eq!(Clusters::find(&[], 4, None).len(), 0);
+        assert_eq!(Clusters::find(&samples, 1).len(), 1);
+        assert_eq!(Clusters::find(&[], 4).len(), 0);
     }
 }

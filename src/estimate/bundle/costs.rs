@@ -1,5 +1,6 @@
 //! Costs of texels, eight at a time: each step tries several against all photographs.
 
+use super::eight::{Column, Eight, in_eights, loaded, stored};
 use super::problem::Problem;
 use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
@@ -47,14 +48,8 @@ impl Problem {
             for (block, sums) in sums.chunks_mut(LANES).enumerate() {
                 let texels = first + block * LANES..first + block * LANES + sums.len();
                 let natural = deviations.map(|deviations| {
-                    let mut lanes = [[0.0; LANES]; CHANNELS];
-                    for (lane, t) in texels.clone().enumerate() {
-                        let of_texel = natural(&self.deviating(t, state, &deviations[t]));
-                        for (lanes, value) in lanes.iter_mut().zip(of_texel) {
-                            lanes[lane] = value as f32;
-                        }
-                    }
-                    lanes
+                    let of = |t| natural(&self.deviating(t, state, &deviations[t]));
+                    in_eights(texels.clone().map(of))
                 });
                 let lobes = self.eight_lobes(texels.clone(), state);
                 let block = Block::<K> { problem: self, lobes, views: &views, texels, natural };
@@ -74,12 +69,12 @@ struct Block<'a, const K: usize> {
     lobes: Option<EightLobes>,
     views: &'a [(TexelView, &'a Photograph)],
     texels: std::ops::Range<usize>,
-    natural: [[[f32; LANES]; CHANNELS]; K],
+    natural: [Column; K],
 }
 
 // Loops, because closures may stay calls without the kernel's target features.
 impl<const K: usize> Kernel for Block<'_, K> {
-    type Output = [[f32; LANES]; K];
+    type Output = [Eight; K];
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> Self::Output {
@@ -88,11 +83,7 @@ impl<const K: usize> Kernel for Block<'_, K> {
         let [x, y] = sample.eight_places::<V>(self.texels.clone());
         let mut materials = [Material::new(&[zero; CHANNELS], None); K];
         for (material, natural) in materials.iter_mut().zip(&self.natural) {
-            let mut lanes = [zero; CHANNELS];
-            for (to, from) in lanes.iter_mut().zip(natural) {
-                *to = V::from_array(*from);
-            }
-            *material = Material::new(&lanes, in_lanes(&self.lobes));
+            *material = Material::new(&loaded(natural), in_lanes(&self.lobes));
         }
         let mut sums = [zero; K];
         for (view, photograph) in self.views {
@@ -109,10 +100,6 @@ impl<const K: usize> Kernel for Block<'_, K> {
                 }
             }
         }
-        let mut out = [[0.0; LANES]; K];
-        for (to, sum) in out.iter_mut().zip(sums) {
-            *to = sum.to_array();
-        }
-        out
+        stored(&sums)
     }
 }

@@ -113,7 +113,8 @@ impl Descent {
 impl Problem {
     /// The damped reduced equations, and those of each task with its eliminated texels.
     pub(super) fn reduced(&self, state: &State, damping: f64) -> (Reduced, Vec<Task>) {
-        let size = self.groups.coordinates.len() * state.groups.len() + self.shared.len();
+        let mut sum = self.priors(state);
+        let size = sum.gradient.len();
         let linear = self.linear(state);
         let n = self.sample.texels();
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
@@ -127,12 +128,10 @@ impl Problem {
             totals.add_to(&mut sum);
             (sum, eliminated)
         });
-        let mut sum = Reduced::zeros(size);
         for (part, _) in &parts {
             sum.matrix += &part.matrix;
             sum.gradient += &part.gradient;
         }
-        self.add_priors(state, &mut sum);
         for i in 0..size {
             sum.matrix[(i, i)] *= 1.0 + damping;
         }

@@ -10,30 +10,12 @@
 //!
 //! Single precision suffices: sums over tasks are in double precision, and a step must lower the cost.
 
-use std::ops::Range;
-
-use super::sums::{Reduced, Sums};
+use super::eight::{Column, Eight, loaded, stored};
+use super::sums::{Block, Reduced, Sums};
+use crate::estimate::coordinates::limits;
 use crate::estimate::posterior::{Cholesky, PAIRS, at};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::CHANNELS;
-
-/// A value of eight texels, and their nine coordinates.
-pub(super) type Eight = [f32; LANES];
-pub(super) type Column = [Eight; CHANNELS];
-
-/// Eight texels' normal equations.
-pub(super) struct Equations<'a> {
-    pub sums: &'a Sums,
-    /// 1, or 0 for coordinates that are held at a bound.
-    pub free: Column,
-    pub precision: [f64; CHANNELS],
-    /// Gradient of the prior.
-    pub gradient: Column,
-    pub damping: f64,
-    /// Coordinates of groups, and the texels' shares of each group.
-    pub moving: Range<usize>,
-    pub shares: &'a [Eight],
-}
 
 /// A task's reduced equations, lane by lane; lower triangle.
 pub(super) struct Totals {
@@ -67,13 +49,6 @@ pub(super) struct Eliminated {
     columns: Vec<Column>,
 }
 
-impl Equations<'_> {
-    /// Eliminates the texels and adds their reduced equations to `totals`.
-    pub fn eliminate(self, totals: &mut Totals) -> Eliminated {
-        dispatch(Eliminate { equations: self, totals })
-    }
-}
-
 impl Eliminated {
     /// The texels' steps: their own, and those that follow from the steps `shared` of the columns.
     pub fn steps(&self, shared: &[Eight]) -> [Column; 2] {
@@ -81,30 +56,18 @@ impl Eliminated {
     }
 }
 
-struct Eliminate<'a> {
-    equations: Equations<'a>,
-    totals: &'a mut Totals,
+/// Eliminates the texels of a block and adds their reduced equations to `totals`, and products of parameters to
+/// `reduced`.
+pub(super) struct Eliminate<'a> {
+    pub block: Block<'a>,
+    /// Deviations of the texels from their prior means.
+    pub deviations: Column,
+    pub damping: f64,
+    pub reduced: &'a mut Reduced,
+    pub totals: &'a mut Totals,
 }
 
 // Loops, because closures may stay calls without the kernel's target features.
-#[inline(always)]
-fn loaded<V: Lanes, const N: usize>(from: &[Eight; N]) -> [V; N] {
-    let mut to = [V::splat(0.0); N];
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = V::from_array(*from);
-    }
-    to
-}
-
-#[inline(always)]
-fn stored<V: Lanes, const N: usize>(from: &[V; N]) -> [Eight; N] {
-    let mut to = [[0.0; LANES]; N];
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = from.to_array();
-    }
-    to
-}
-
 #[inline(always)]
 fn add<V: Lanes>(total: &mut Eight, value: V) {
     *total = (V::from_array(*total) + value).to_array();
@@ -120,54 +83,88 @@ fn minus_dot<V: Lanes>(a: &[V; CHANNELS], b: &[V; CHANNELS], plus: V) -> V {
     sum
 }
 
+/// 1, or 0 for a coordinate at a bound that its gradient would make it leave. Such coordinates are held out of the
+/// step, because clipping would make the step of the others wrong.
+#[inline(always)]
+fn free<V: Lanes>(c: usize, x: V, gradient: V) -> V {
+    let (zero, one) = (V::splat(0.0), V::splat(1.0));
+    let (low, high) = limits(c);
+    let falls = gradient.if_greater(zero, zero, one);
+    let rises = zero.if_greater(gradient, zero, one);
+    V::splat(high).if_greater(x, x.if_greater(V::splat(low), one, falls), rises)
+}
+
 impl Kernel for Eliminate<'_> {
     type Output = Eliminated;
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> Eliminated {
-        let Self { equations, totals } = self;
-        let free: [V; CHANNELS] = loaded(&equations.free);
-        let matrix = triangle(equations.sums, &free);
-        let factor = factor(&matrix, &equations);
-        let mut right = [V::splat(0.0); CHANNELS];
-        for (c, right) in right.iter_mut().enumerate() {
-            let of_data = V::from_array(equations.sums.gradient[c]);
-            *right = free[c] * (of_data + V::from_array(equations.gradient[c]));
+        let Self { block, deviations, damping, reduced, totals } = self;
+        let Sums { texels, mixed } = Sums::<V>::new(&block, reduced);
+        let precision = &block.problem.precision;
+        let (x, deviations): ([V; CHANNELS], [V; CHANNELS]) =
+            (loaded(&block.coordinates), loaded(&deviations));
+        let (mut right, mut unbound) = ([V::splat(0.0); CHANNELS], [V::splat(0.0); CHANNELS]);
+        for c in 0..CHANNELS {
+            let gradient = deviations[c].mul_add(V::splat(precision[c] as f32), texels.gradient[c]);
+            unbound[c] = free(c, x[c], gradient);
+            right[c] = unbound[c] * gradient;
         }
+        let mut matrix = texels.matrix;
+        for i in 0..CHANNELS {
+            for j in 0..=i {
+                matrix[at(i, j)] = matrix[at(i, j)] * unbound[i] * unbound[j];
+            }
+        }
+        let factor = factor(&matrix, precision, damping as f32);
         let own = factor.forward(&right);
-        // `B`, before `L⁻¹`.
-        let mixed = mixed(&equations, &matrix, &free);
-        let mut columns = Vec::with_capacity(mixed.len());
-        for column in &mixed {
-            columns.push(stored(&factor.forward(&loaded(column))));
+        // `B`, before `L⁻¹`: columns of the groups' coordinates, then of the parameters.
+        let groups = block.problem.groups.coordinates.clone();
+        let mut before = Vec::with_capacity(groups.len() + mixed.len());
+        for c in groups.clone() {
+            let mut column = [V::splat(0.0); CHANNELS];
+            for (i, to) in column.iter_mut().enumerate() {
+                *to = matrix[at(i.max(c), i.min(c))];
+            }
+            before.push(column);
         }
-        let groups = &equations.moving;
+        for mut column in mixed {
+            for (value, free) in column.iter_mut().zip(unbound) {
+                *value = *value * free;
+            }
+            before.push(column);
+        }
+        let mut columns = Vec::with_capacity(before.len());
+        let mut kept = Vec::with_capacity(before.len());
+        for column in &before {
+            let column = factor.forward(column);
+            kept.push(stored(&column));
+            columns.push(column);
+        }
         for (i, column) in columns.iter().enumerate() {
-            let column: [V; CHANNELS] = loaded(column);
             let mut gradient = V::splat(0.0);
             if i < groups.len() {
                 let c = groups.start + i;
-                gradient = free[c] * V::from_array(equations.sums.gradient[c]);
+                gradient = unbound[c] * texels.gradient[c];
             }
-            totals.add_gradient(&equations, i, minus_dot(&column, &own, gradient));
+            totals.add_gradient(&block, i, minus_dot(column, &own, gradient));
             for (j, other) in columns[..=i].iter().enumerate() {
                 let mut entry = V::splat(0.0);
                 if j < groups.len() {
-                    entry = V::from_array(mixed[i][groups.start + j]);
+                    entry = before[i][groups.start + j];
                 }
-                totals.add(&equations, [i, j], minus_dot(&column, &loaded(other), entry));
+                totals.add(&block, [i, j], minus_dot(column, other, entry));
             }
         }
-        Eliminated { factor: stored(&factor.0), own: stored(&own), columns }
+        Eliminated { factor: stored(&factor.0), own: stored(&own), columns: kept }
     }
 }
 
 impl Totals {
     /// Adds to the gradient of a column. A group's coordinate gets its share of each texel.
     #[inline(always)]
-    fn add_gradient<V: Lanes>(&mut self, equations: &Equations, i: usize, value: V) {
-        let Equations { moving, shares, .. } = equations;
-        let g = moving.len();
+    fn add_gradient<V: Lanes>(&mut self, block: &Block, i: usize, value: V) {
+        let (g, shares) = (block.problem.groups.coordinates.len(), &block.shares);
         if i >= g {
             add(&mut self.gradient[g * shares.len() + i - g], value);
             return;
@@ -179,9 +176,8 @@ impl Totals {
 
     /// Adds to the entry of columns `i` and `j <= i`.
     #[inline(always)]
-    fn add<V: Lanes>(&mut self, equations: &Equations, [i, j]: [usize; 2], value: V) {
-        let Equations { moving, shares, .. } = equations;
-        let g = moving.len();
+    fn add<V: Lanes>(&mut self, block: &Block, [i, j]: [usize; 2], value: V) {
+        let (g, shares) = (block.problem.groups.coordinates.len(), &block.shares);
         // Parameters follow the groups' coordinates.
         let row = |i: usize| g * shares.len() + i - g;
         if j >= g {
@@ -205,51 +201,16 @@ impl Totals {
     }
 }
 
-/// `B`: columns of the groups' coordinates, then of the parameters.
-#[inline(always)]
-fn mixed<V: Lanes>(
-    equations: &Equations,
-    matrix: &[V; PAIRS],
-    free: &[V; CHANNELS],
-) -> Vec<Column> {
-    let Equations { sums, moving, .. } = equations;
-    let mut columns = Vec::with_capacity(moving.len() + sums.mixed.len());
-    for c in moving.clone() {
-        let mut column = [V::splat(0.0); CHANNELS];
-        for (i, to) in column.iter_mut().enumerate() {
-            *to = matrix[at(i.max(c), i.min(c))];
-        }
-        columns.push(stored(&column));
-    }
-    for mixed in &sums.mixed {
-        let mut column: [V; CHANNELS] = loaded(mixed);
-        for (to, free) in column.iter_mut().zip(free) {
-            *to = *to * *free;
-        }
-        columns.push(stored(&column));
-    }
-    columns
-}
-
-/// Lower triangle of the photographs' matrix without the held coordinates.
-#[inline(always)]
-fn triangle<V: Lanes>(sums: &Sums, free: &[V; CHANNELS]) -> [V; PAIRS] {
-    let mut matrix = [V::splat(0.0); PAIRS];
-    for i in 0..CHANNELS {
-        for j in 0..=i {
-            matrix[at(i, j)] = V::from_array(sums.matrix[at(i, j)]) * free[i] * free[j];
-        }
-    }
-    matrix
-}
-
 /// The factors of the matrix with prior and damping.
 #[inline(always)]
-fn factor<V: Lanes>(matrix: &[V; PAIRS], equations: &Equations) -> Cholesky<V> {
-    let damping = equations.damping as f32;
+fn factor<V: Lanes>(
+    matrix: &[V; PAIRS],
+    precision: &[f64; CHANNELS],
+    damping: f32,
+) -> Cholesky<V> {
     let mut damped = *matrix;
     for i in 0..CHANNELS {
-        let own = V::splat(equations.precision[i] as f32 + damping * 1e-9);
+        let own = V::splat(precision[i] as f32 + damping * 1e-9);
         damped[at(i, i)] = damped[at(i, i)].mul_add(V::splat(1.0 + damping), own);
     }
     Cholesky::new(&damped)

@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use nalgebra::DVector;
 
-use super::elimination::{Column, Eight, Eliminated, Equations, Totals};
+use super::eight::{Column, Eight, in_eights};
+use super::elimination::{Eliminate, Eliminated, Totals};
 use super::problem::Problem;
 use super::state::State;
-use super::sums::{Linear, Reduced, Sums};
-use crate::estimate::coordinates::{Coordinates, range};
-use crate::simd::LANES;
+use super::sums::{Linear, Reduced};
+use crate::estimate::coordinates::Coordinates;
+use crate::simd::{LANES, dispatch};
 use crate::svbrdf::CHANNELS;
 
 /// A texel's own step, and the step that follows from a whole step of the shared unknowns.
@@ -34,35 +35,12 @@ impl Problem {
         state: &State,
         linear: &[Linear],
         damping: f64,
-        sum: &mut Reduced,
+        reduced: &mut Reduced,
         totals: &mut Totals,
     ) -> Eliminated {
-        let coordinates: Vec<Coordinates> =
-            texels.clone().map(|t| self.coordinates(t, state)).collect();
-        let first = self.groups.coordinates.len() * state.groups.len();
-        let (lobes, shares) =
-            (self.eight_lobes(texels.clone(), state), self.eight_shares(texels.clone()));
-        let sums = self.sums(texels.clone(), &coordinates, lobes, &shares, linear, sum, first);
-        let (mut free, mut gradient) = ([[0.0; LANES]; CHANNELS], [[0.0; LANES]; CHANNELS]);
-        for (lane, (t, x)) in texels.clone().zip(&coordinates).enumerate() {
-            let of_prior: Coordinates =
-                std::array::from_fn(|c| self.precision[c] * state.deviations[t][c]);
-            let held = held(x, &sums, lane, &of_prior);
-            for c in 0..CHANNELS {
-                gradient[c][lane] = of_prior[c] as f32;
-                free[c][lane] = if held[c] { 0.0 } else { 1.0 };
-            }
-        }
-        let equations = Equations {
-            sums: &sums,
-            free,
-            precision: self.precision,
-            gradient,
-            damping,
-            moving: self.groups.coordinates.clone(),
-            shares: &shares,
-        };
-        equations.eliminate(totals)
+        let block = self.block(texels.clone(), state, linear);
+        let deviations = in_eights(texels.map(|t| state.deviations[t]));
+        dispatch(Eliminate { block, deviations, damping, reduced, totals })
     }
 
     /// Shares of at most eight texels in each group.
@@ -105,9 +83,10 @@ impl Problem {
         })
     }
 
-    /// Adds the priors of groups and parameters.
-    pub(super) fn add_priors(&self, state: &State, sum: &mut Reduced) {
+    /// The equations of the priors of groups and parameters.
+    pub(super) fn priors(&self, state: &State) -> Reduced {
         let (moving, g) = (self.groups.coordinates.clone(), self.groups.coordinates.len());
+        let mut sum = Reduced::zeros(g * state.groups.len() + self.shared.len());
         for (k, (group, mean)) in state.groups.iter().zip(&self.groups.mean).enumerate() {
             for (i, c) in moving.clone().enumerate() {
                 let precision = self.groups.precision[k][c];
@@ -121,15 +100,6 @@ impl Problem {
             let from_mean = shared.parameter.get(state) - shared.mean;
             sum.gradient[first + a] += shared.precision * from_mean;
         }
+        sum
     }
-}
-
-/// Coordinates that would leave their range. They are held out of the step, because clipping would make the
-/// step of the others wrong.
-fn held(x: &Coordinates, sums: &Sums, lane: usize, of_prior: &Coordinates) -> [bool; CHANNELS] {
-    std::array::from_fn(|c| {
-        let (low, high) = range(c);
-        let pull = f64::from(sums.gradient[c][lane]) + of_prior[c];
-        (x[c] <= low && pull > 0.0) || (x[c] >= high && pull < 0.0)
-    })
 }

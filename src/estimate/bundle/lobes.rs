@@ -1,6 +1,6 @@
 //! Optional lobes with their standard deviations.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::parameters::{Parameter, Shared};
 use super::problem::Problem;
@@ -14,18 +14,23 @@ const DAMPING: f64 = 1e-6;
 pub(crate) type EstimatedLobes = [[f64; LOBES]; 2];
 
 impl Problem {
-    /// The lobes of the mean texel, or of the mean texels of two `directions`. Their covariance is the inverse of the
-    /// reduced equations, in which a sample counts as `independent` texels. `None` without lobes.
+    /// The lobes of the mean texel, or of the mean texels of two `directions`; empty without lobes. Their covariance
+    /// is the inverse of the reduced equations, in which a sample counts as `independent` texels; that of their
+    /// priors if the equations are singular.
     pub fn estimated_lobes(
         &self,
         state: &State,
         directions: usize,
         independent: f64,
-    ) -> Option<Vec<EstimatedLobes>> {
-        let lobes = state.lobes.as_ref()?;
-        let equations = self.reduced(state, DAMPING).0.matrix.cholesky()?;
+    ) -> Vec<EstimatedLobes> {
+        let Some(lobes) = &state.lobes else { return Vec::new() };
+        let matrix = self.reduced(state, DAMPING).0.matrix;
+        let (size, count) = (matrix.nrows(), self.shared.len());
+        let covariance = match matrix.cholesky() {
+            Some(factor) => factor.inverse(),
+            None => DMatrix::from_diagonal(&self.priors(state).matrix.diagonal().map(f64::recip)),
+        };
         let (texels, groups) = (self.sample.texels(), self.groups.mean.len());
-        let (size, count) = (equations.l_dirty().nrows(), self.shared.len());
         let mut shares = vec![0.0; groups];
         for (i, share) in self.groups.shares.iter().enumerate() {
             shares[i % groups] += share / texels as f32;
@@ -44,10 +49,10 @@ impl Problem {
                 };
                 let gloss = std::iter::repeat_n(0.0, size - count);
                 let by = DVector::from_iterator(size, gloss.chain(self.shared.iter().map(by)));
-                (by.dot(&equations.solve(&by)) * texels as f64 / independent).sqrt()
+                (by.dot(&(&covariance * &by)) * texels as f64 / independent).sqrt()
             };
             [lobes.of_texel(shares.iter().copied()), std::array::from_fn(deviation)]
         };
-        Some((0..directions.max(1)).map(of_direction).collect())
+        (0..directions.max(1)).map(of_direction).collect()
     }
 }

@@ -7,6 +7,7 @@
 
 mod costs;
 mod descent;
+mod eight;
 mod elimination;
 mod equations;
 mod lobes;

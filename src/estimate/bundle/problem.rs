@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::eight::in_eights;
 use super::parameters::{Parameter, Shared};
 use super::sample::{Photograph, Sample};
 use super::state::{EightLobes, SharedLobes, State};
@@ -86,13 +87,10 @@ impl Problem {
 
     /// Optional lobes of at most eight texels, for kernels.
     pub(super) fn eight_lobes(&self, texels: Range<usize>, state: &State) -> Option<EightLobes> {
-        let sheen = state.lobes.as_ref()?.sheen.is_some();
-        let mut values = [[0.0; LANES]; LOBES];
-        for (lane, t) in texels.enumerate() {
-            let of_texel = self.lobes(t, state)?;
-            values.iter_mut().zip(of_texel).for_each(|(lanes, value)| lanes[lane] = value as f32);
-        }
-        Some(EightLobes { values, sheen })
+        let sheen = state.lobes.as_ref()?.sheen;
+        let of_texels = texels.filter_map(|t| self.lobes(t, state)?.first_chunk().copied());
+        let sheen = sheen.map(|of_all| of_all.map(|value| [value as f32; LANES]));
+        Some(EightLobes { base: in_eights(of_texels), sheen })
     }
 
     pub fn coordinates(&self, t: usize, state: &State) -> Coordinates {

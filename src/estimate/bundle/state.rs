@@ -1,16 +1,17 @@
 //! The unknowns of a fit, and the optional lobes among them.
 
+use super::eight::{Eight, loaded};
 use crate::estimate::coordinates::Coordinates;
 use crate::estimate::correction::Correction;
 use crate::reflectance::LobeParameters;
-use crate::simd::{LANES, Lanes};
+use crate::simd::Lanes;
 use crate::svbrdf::{LOBES, NO_LOBES, lobe};
 
 /// Optional lobes of eight texels.
 pub(super) struct EightLobes {
-    pub values: [[f32; LANES]; LOBES],
-    /// Whether the material may have sheen.
-    pub sheen: bool,
+    pub base: [Eight; lobe::SHEEN],
+    /// `None` for a material without sheen.
+    pub sheen: Option<[Eight; LOBES - lobe::SHEEN]>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -62,17 +63,10 @@ impl SharedLobes {
 /// Optional lobes of eight texels, as vectors.
 #[inline(always)]
 pub(super) fn in_lanes<V: Lanes>(lobes: &Option<EightLobes>) -> Option<LobeParameters<V>> {
-    let lobes = lobes.as_ref()?;
-    let mut base = [V::splat(0.0); lobe::SHEEN];
-    for (to, from) in base.iter_mut().zip(&lobes.values) {
-        *to = V::from_array(*from);
+    let EightLobes { base, sheen } = lobes.as_ref()?;
+    let mut parameters = LobeParameters { base: loaded(base), sheen: None };
+    if let Some(sheen) = sheen {
+        parameters.sheen = Some(loaded(sheen));
     }
-    if !lobes.sheen {
-        return Some(LobeParameters { base, sheen: None });
-    }
-    let mut sheen = [V::splat(0.0); LOBES - lobe::SHEEN];
-    for (to, from) in sheen.iter_mut().zip(&lobes.values[lobe::SHEEN..]) {
-        *to = V::from_array(*from);
-    }
-    Some(LobeParameters { base, sheen: Some(sheen) })
+    Some(parameters)
 }

@@ -1,20 +1,19 @@
-//! Normal equations of eight texels, summed over the photographs in single precision.
+//! Normal equations of eight texels, summed over the photographs.
 
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::eight::{Column, Eight, in_eights, loaded};
 use super::parameters::Derivative;
 use super::problem::Problem;
 use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
-use crate::estimate::coordinates::{Coordinates, from_coordinates};
-use crate::estimate::posterior::{
-    Appearance, Line, NormalEquations, PAIRS, Residual, Seen, coordinates_of,
-};
+use crate::estimate::coordinates::from_coordinates;
+use crate::estimate::posterior::{Appearance, Line, NormalEquations, Residual, Seen, coordinates_of};
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
-use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::simd::Lanes;
 use crate::svbrdf::CHANNELS;
 
 /// A photograph's corrected view, and its derivatives by the parameters.
@@ -39,13 +38,22 @@ impl Reduced {
     }
 }
 
-/// The equations of at most eight texels.
-pub(super) struct Sums {
-    /// Lower triangle of the matrix, by rows.
-    pub matrix: [[f32; LANES]; PAIRS],
-    pub gradient: [[f32; LANES]; CHANNELS],
+/// At most eight texels of a fit.
+pub(super) struct Block<'a> {
+    pub problem: &'a Problem,
+    pub texels: Range<usize>,
+    pub coordinates: Column,
+    pub lobes: Option<EightLobes>,
+    /// The texels' shares of each group.
+    pub shares: Vec<Eight>,
+    pub linear: &'a [Linear<'a>],
+}
+
+/// The photographs' equations of a block.
+pub(super) struct Sums<V> {
+    pub texels: NormalEquations<V>,
     /// Products of each parameter with the texels' coordinates.
-    pub mixed: Vec<[[f32; LANES]; CHANNELS]>,
+    pub mixed: Vec<[V; CHANNELS]>,
 }
 
 impl Problem {
@@ -66,109 +74,59 @@ impl Problem {
         linear.collect()
     }
 
-    /// The sums of at most eight texels with these coordinates. Products of parameters go to the reduced
-    /// equations, from row `first` on.
-    pub(super) fn sums(
-        &self,
+    pub(super) fn block<'a>(
+        &'a self,
         texels: Range<usize>,
-        coordinates: &[Coordinates],
-        lobes: Option<EightLobes>,
-        shares: &[[f32; LANES]],
-        linear: &[Linear],
-        reduced: &mut Reduced,
-        first: usize,
-    ) -> Sums {
-        let mut lanes = [[0.0; LANES]; CHANNELS];
-        for (lane, x) in coordinates.iter().enumerate() {
-            for (lanes, value) in lanes.iter_mut().zip(x) {
-                lanes[lane] = *value as f32;
-            }
-        }
-        dispatch(Block {
+        state: &State,
+        linear: &'a [Linear<'a>],
+    ) -> Block<'a> {
+        Block {
             problem: self,
+            coordinates: in_eights(texels.clone().map(|t| self.coordinates(t, state))),
+            lobes: self.eight_lobes(texels.clone(), state),
+            shares: self.eight_shares(texels.clone()),
             texels,
-            coordinates: lanes,
-            lobes,
-            shares,
             linear,
-            reduced,
-            first,
-        })
+        }
     }
 }
 
-struct Block<'a> {
-    problem: &'a Problem,
-    texels: Range<usize>,
-    coordinates: [[f32; LANES]; CHANNELS],
-    lobes: Option<EightLobes>,
-    /// The texels' shares of each group.
-    shares: &'a [[f32; LANES]],
-    linear: &'a [Linear<'a>],
-    reduced: &'a mut Reduced,
-    first: usize,
-}
-
 // Loops, because closures may stay calls without the kernel's target features.
-impl Kernel for Block<'_> {
-    type Output = Sums;
-
+impl<V: Lanes> Sums<V> {
+    /// The sums of a block. Products of parameters are added to the reduced equations.
     #[inline(always)]
-    fn run<V: Lanes>(self) -> Sums {
-        let Problem { sample, noise, shared, .. } = self.problem;
-        let (n, zero) = (sample.texels(), V::splat(0.0));
-        let [x, y] = sample.eight_places::<V>(self.texels.clone());
-        let mut coordinates = [zero; CHANNELS];
-        for (to, from) in coordinates.iter_mut().zip(self.coordinates) {
-            *to = V::from_array(from);
-        }
-        let material = Material::new(&from_coordinates(&coordinates), in_lanes(&self.lobes));
+    pub fn new(block: &Block, reduced: &mut Reduced) -> Self {
+        let Block { problem, texels, coordinates, lobes, shares, linear } = block;
+        let Problem { sample, noise, shared, .. } = problem;
+        let n = sample.texels();
+        let [x, y] = sample.eight_places::<V>(texels.clone());
+        let coordinates: [V; CHANNELS] = loaded(coordinates);
+        let material = Material::new(&from_coordinates(&coordinates), in_lanes(lobes));
         let mut equations = NormalEquations::none();
-        let mut parameters = Parameters::new(shared.len(), self.linear);
-        for linear in self.linear {
+        let mut parameters = Parameters::new(shared.len(), linear);
+        for linear in *linear {
             let (view, photograph) = (&linear.view, linear.photograph);
             let directions = Directions::at(view, x, y);
             let appearance = Appearance::new(&material, &directions);
-            let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
+            let weight = V::load(&photograph.weight[texels.clone()], 0.0);
             if linear.by_view {
                 let by_light = appearance.lobes.by_light(&material, &directions);
                 parameters.across = across_light(&by_light, &directions, view, x, y);
             }
             for c in 0..3 {
                 let plane = &photograph.radiance[c * n..(c + 1) * n];
-                let radiance = V::load(&plane[self.texels.clone()], 0.0);
+                let radiance = V::load(&plane[texels.clone()], 0.0);
                 let seen = Seen { noise: *noise, radiance, weight };
                 let line = appearance.line(&material, view, c, &coordinates, &seen);
                 let Residual { value, square_weight, .. } = line.residual;
                 equations.add(c, line.by, value, square_weight);
-                parameters.find(
-                    linear,
-                    c,
-                    &material,
-                    &directions,
-                    &appearance.lobes,
-                    &line,
-                    self.shares,
-                );
+                let lobes = &appearance.lobes;
+                parameters.find(linear, c, &material, &directions, lobes, &line, shares);
                 parameters.add(linear, c, &line);
             }
-            parameters.move_to(linear, self.reduced, self.first);
+            parameters.move_to(linear, reduced);
         }
-        let mut sums = Sums {
-            matrix: [[0.0; LANES]; PAIRS],
-            gradient: [[0.0; LANES]; CHANNELS],
-            mixed: vec![[[0.0; LANES]; CHANNELS]; shared.len()],
-        };
-        for (to, from) in sums.matrix.iter_mut().zip(equations.matrix) {
-            *to = from.to_array();
-        }
-        for (to, from) in sums.gradient.iter_mut().zip(equations.gradient) {
-            *to = from.to_array();
-        }
-        for (to, from) in sums.mixed.iter_mut().flatten().zip(parameters.mixed.iter().flatten()) {
-            *to = from.to_array();
-        }
-        sums
+        Self { texels: equations, mixed: parameters.mixed }
     }
 }
 
@@ -216,7 +174,7 @@ impl<V: Lanes> Parameters<V> {
         directions: &Directions<V>,
         lobes: &Lobes<V>,
         line: &Line<V>,
-        shares: &[[f32; LANES]],
+        shares: &[Eight],
     ) {
         let Line { brdf, fresnel, irradiance, residual, .. } = line;
         let (diffuse, specular) = (material.diffuse[c], material.specular[c]);
@@ -280,8 +238,10 @@ impl<V: Lanes> Parameters<V> {
 
     /// Moves the sums of a photograph's parameters to the reduced equations.
     #[inline(always)]
-    fn move_to(&mut self, linear: &Linear, reduced: &mut Reduced, first: usize) {
+    fn move_to(&mut self, linear: &Linear, reduced: &mut Reduced) {
         let Reduced { matrix, gradient } = reduced;
+        // Parameters are the last unknowns.
+        let first = gradient.len() - self.mixed.len();
         let mut k = 0;
         for (i, (a, _)) in linear.derivatives.iter().enumerate() {
             gradient[first + a] += self.gradients[i].sum();

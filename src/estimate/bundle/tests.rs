@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::sums::{Reduced, Sums};
+use super::sums::{Block, Reduced, Sums};
 use super::*;
 use crate::estimate::coordinates::{Coordinates, natural};
 use crate::estimate::correction::{Correction, LightCorrection};
@@ -13,6 +13,7 @@ use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
 use crate::render::PointView;
+use crate::simd::{Kernel, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, channel};
 use crate::test_support::{photograph, view_from};
 
@@ -206,15 +207,8 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
     let (matrix, gradient) =
         (jacobian.transpose() * &weighted, weighted.transpose() * DVector::from_vec(here.clone()));
 
-    let mut reduced = Reduced::zeros(q);
     let linear = problem.linear(state);
-    let sums = {
-        let texels = t..t + 1;
-        let lobes = problem.eight_lobes(texels.clone(), state);
-        let shares = problem.eight_shares(texels.clone());
-        problem.sums(texels, &[x], lobes, &shares, &linear, &mut reduced, 0)
-    };
-    let whole = whole(&sums, 0, &reduced);
+    let whole = whole(problem.block(t..t + 1, state, &linear));
     for i in 0..CHANNELS + q {
         for j in 0..=i {
             let size = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
@@ -228,25 +222,34 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
     }
 }
 
-fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
-    let q = sums.mixed.len();
-    let mut whole = Reduced::zeros(CHANNELS + q);
-    for i in 0..CHANNELS {
-        whole.gradient[i] = f64::from(sums.gradient[i][lane]);
-        for j in 0..=i {
-            whole.matrix[(i, j)] = f64::from(sums.matrix[at(i, j)][lane]);
+/// The equations of a block's first texel and of the parameters.
+fn whole(block: Block) -> Reduced {
+    dispatch(Whole(block))
+}
+
+struct Whole<'a>(Block<'a>);
+
+impl Kernel for Whole<'_> {
+    type Output = Reduced;
+
+    fn run<V: Lanes>(self) -> Reduced {
+        let q = self.0.problem.shared.len();
+        let (mut whole, mut of_parameters) = (Reduced::zeros(CHANNELS + q), Reduced::zeros(q));
+        let Sums { texels, mixed } = Sums::<V>::new(&self.0, &mut of_parameters);
+        let first = |value: V| f64::from(value.to_array()[0]);
+        for i in 0..CHANNELS {
+            whole.gradient[i] = first(texels.gradient[i]);
+            for j in 0..=i {
+                whole.matrix[(i, j)] = first(texels.matrix[at(i, j)]);
+            }
+            for (a, mixed) in mixed.iter().enumerate() {
+                whole.matrix[(CHANNELS + a, i)] = first(mixed[i]);
+            }
         }
-        for (a, mixed) in sums.mixed.iter().enumerate() {
-            whole.matrix[(CHANNELS + a, i)] = f64::from(mixed[i][lane]);
-        }
+        whole.gradient.rows_mut(CHANNELS, q).copy_from(&of_parameters.gradient);
+        whole.matrix.view_mut((CHANNELS, CHANNELS), (q, q)).copy_from(&of_parameters.matrix);
+        whole
     }
-    for a in 0..q {
-        whole.gradient[CHANNELS + a] = reduced.gradient[a];
-        for b in 0..=a {
-            whole.matrix[(CHANNELS + a, CHANNELS + b)] = reduced.matrix[(a, b)];
-        }
-    }
-    whole
 }
 
 /// One step solves the equations of all unknowns as a dense matrix does. Elimination is in single precision
@@ -273,15 +276,7 @@ fn elimination_matches_a_dense_solve() {
         (nalgebra::DMatrix::<f64>::zeros(size, size), DVector::<f64>::zeros(size));
     let linear = problem.linear(&state);
     for t in 0..texels {
-        let x = problem.coordinates(t, &state);
-        let mut reduced = Reduced::zeros(q);
-        let sums = {
-            let texels = t..t + 1;
-            let lobes = problem.eight_lobes(texels.clone(), &state);
-            let shares = problem.eight_shares(texels.clone());
-            problem.sums(texels, &[x], lobes, &shares, &linear, &mut reduced, 0)
-        };
-        let own = whole(&sums, 0, &reduced);
+        let own = whole(problem.block(t..t + 1, &state, &linear));
         // Rows of the whole system for each row of the texel's equations.
         let mut places: Vec<Vec<(usize, f64)>> =
             (0..CHANNELS).map(|c| vec![(CHANNELS * t + c, 1.0)]).collect();
@@ -306,8 +301,7 @@ fn elimination_matches_a_dense_solve() {
     for i in 0..CHANNELS * texels {
         matrix[(i, i)] += problem.precision[i % CHANNELS];
     }
-    let mut priors = Reduced::zeros(2 * g + q);
-    problem.add_priors(&state, &mut priors);
+    let priors = problem.priors(&state);
     let first = CHANNELS * texels;
     for i in 0..2 * g + q {
         matrix[(first + i, first + i)] += priors.matrix[(i, i)];

@@ -127,9 +127,7 @@ impl JointFit {
     ) -> Vec<EstimatedLobes> {
         let Self { descent, prior, classes, own, independent_texels } = self;
         let (problem, state) = (descent.problem, descent.progress.state);
-        let lobes = problem
-            .estimated_lobes(&state, prior.directions, independent_texels)
-            .unwrap_or_default();
+        let lobes = problem.estimated_lobes(&state, prior.directions, independent_texels);
         let mut values = state.groups;
         for (class, mean) in values.iter_mut().zip(&problem.groups.mean) {
             class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);

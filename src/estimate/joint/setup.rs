@@ -92,7 +92,7 @@ pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
 
 /// Classes of colour.
 pub(super) fn clusters(colours: &[Feature], options: &JointOptions) -> Clusters {
-    Clusters::find(colours, options.classes, None)
+    Clusters::find(colours, options.classes)
 }
 
 /// Means of the prior, and classes of colour.
