@@ -2,7 +2,7 @@
 //!
 //! # Model
 //! Each texel has nine coordinates `x`: two slopes, square roots of diffuse and specular albedo (three each),
-//! and roughness. One negative logarithm of a posterior is the model of all phases:
+//! and roughness. One negative logarithm of a posterior is the model of all phases after the latent code:
 //!
 //! ```text
 //! E(x, m, Λ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ_c      residuals over noise
@@ -31,9 +31,9 @@
 //! - `joint`: the joint solve and the choice of its prior; `bundle`: its engine.
 //! - [`assessment`](crate::assessment) evaluates the result.
 //!
-//! Phases work on at most 256 texels along each side and see at most twelve photographs in a step; the latent
-//! code works on averages of at most 128 (`photographs`). The last steps see all photographs at full size
-//! (`finer`).
+//! Phases work on at most 256 texels along each side; the latent code works on averages of at most 128
+//! (`photographs`). Before the joint solve, a step sees at most twelve photographs. The last steps see all
+//! photographs at full size (`finer`).
 //!
 //! `docs/method.md` has a diagram and a glossary.
 

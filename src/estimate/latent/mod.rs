@@ -5,8 +5,7 @@
 //!
 //! - A fixed detail holds the part of the start that the decoder cannot express: `maps = D(z) + (start -
 //!   D(E(start)))` in encoded space. The fit begins exactly at the start.
-//! - Gains of the maps as a whole come first for each of the first photographs. With more, the joint solve finds
-//!   the gloss of all texels.
+//! - Gains of the maps as a whole come first for each photograph.
 //! - A prior holds the slopes to the start's; its weight falls with every photograph.
 //!
 //! The code works on averages of at most [`CODE_TEXELS`] texels a side; finer detail is that of the start:
@@ -152,7 +151,7 @@ impl LatentFit {
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let averages = photographs.averaged();
         let observations = chosen(&averages, &photographs.subset(done));
-        if done == 0 && self.photographs <= options.all_steps_to {
+        if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
         let progress = done as f32 / steps as f32;

@@ -37,7 +37,7 @@ pub struct ScheduleOptions {
     /// Fewest photographs for leave-one-out predictions. Derived: two photographs have six values for a
     /// texel's nine parameters.
     pub determined_from: usize,
-    /// Largest number of photographs in a step, except the last steps. Tuned.
+    /// Largest number of photographs in a step before the joint solve. Tuned.
     pub photographs: usize,
     /// Largest number of texels along the longer side in phases before the last. Tuned.
     pub texels: usize,
@@ -54,7 +54,7 @@ pub enum Omission {
     Relief,
     /// The phase `choice`: the joint solve has the prior for few photographs.
     Choice,
-    /// Anisotropy and coat.
+    /// All optional lobes.
     Lobes,
     /// The phase `joint`.
     Joint,
