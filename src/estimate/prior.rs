@@ -13,7 +13,7 @@ pub struct Prior {
 }
 
 impl Default for Prior {
-    /// Errors of a fair estimate from a few photographs.
+    /// Errors of a fair estimate from a few photographs, as round numbers.
     fn default() -> Self {
         Self { sigma: [0.1, 0.1, 0.08, 0.08, 0.08, 0.1, 0.1, 0.1, 0.12] }
     }

@@ -6,18 +6,18 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointOptions {
-    /// The prior with too few photographs to leave one out.
+    /// The prior with too few photographs to leave one out: two.
     pub few: JointPrior,
     /// Candidate priors. The prior is the mean of those that predict photographs left out well.
     pub candidates: Vec<JointPrior>,
     /// Number of texels that count as independent, because errors of the model are alike all over a sample.
     /// It weighs shared unknowns against their priors. Tuned.
     pub independent_texels: f64,
-    /// Largest number of classes of gloss.
+    /// Largest number of classes of gloss. Round.
     pub classes: usize,
-    /// Expected root of F0 and roughness of a material: those of a dielectric.
+    /// Expected root of F0 and roughness of a material: F0 of a dielectric, .04, and the middle of the range.
     pub gloss: [f64; 2],
-    /// Sigmas of a material's gloss round [`gloss`](Self::gloss).
+    /// Sigmas of a material's gloss round [`gloss`](Self::gloss). Round: metals and mirrors lie within 2.5.
     pub gloss_sigma: [f64; 2],
     /// Sigmas of shared unknowns.
     pub shared: SharedOptions,
@@ -27,11 +27,11 @@ pub struct JointOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SharedOptions {
-    /// Logarithm of a photograph's gain.
+    /// Logarithm of a photograph's gain. Round.
     pub gain: f64,
-    /// Exponent of exposure over distance.
+    /// Exponent of exposure over distance. Round: wide.
     pub exponent: f64,
-    /// Offset of the flash along each axis, mm.
+    /// Offset of the flash along each axis, mm. Round: the size of a phone.
     pub offset_mm: f64,
     /// Two angles of each light's rotation, radians; without a board, from [`turns_from`](Self::turns_from)
     /// photographs on. Tuned.
@@ -44,13 +44,13 @@ pub struct SharedOptions {
     /// light; with a board. Tuned.
     pub mirrored: f64,
     /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X): of all
-    /// texels, and of a class round these.
+    /// texels, and of a class round these. Round.
     pub anisotropy: [f64; 2],
-    /// Weight of a coat, round 1, and its roughness, round [`coat_roughness`](Self::coat_roughness).
+    /// Weight of a coat, about 1, and its roughness, about [`coat_roughness`](Self::coat_roughness). Round.
     pub coat: [f64; 2],
-    /// Expected roughness of a coat.
+    /// Expected roughness of a coat. Round: a lacquer's.
     pub coat_roughness: f64,
-    /// Each colour of a sheen, round .1, and its roughness, round .5.
+    /// Each colour of a sheen, about .1, and its roughness, about .5. Round.
     pub sheen: [f64; 2],
 }
 
@@ -94,7 +94,8 @@ impl Default for JointOptions {
     }
 }
 
-/// The prior of texels in the joint solve.
+/// The prior of texels in the joint solve. Its numbers are round; predictions of photographs choose between
+/// candidates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointPrior {

@@ -1,7 +1,8 @@
 //! The numbers of the estimator's model, nested by phase: sigmas, noise, candidates.
 //!
 //! A comment states the unit and origin of each number: *derived* from another one, *paper* (Gao et al.
-//! 2019), or *tuned* on training materials and captures simulated from them, unless it names another set.
+//! 2019), *tuned* on training materials and captures simulated from them, unless it names another set, or
+//! *round*: a number of the expected size that was not fitted.
 //! Numerical settings (damping, longest steps, samples, iterations), inputs of trained networks and guards
 //! against rounding are constants beside their code.
 
