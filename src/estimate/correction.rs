@@ -24,12 +24,13 @@ pub struct Correction {
 
 /// Correction of each photograph's exposure and of the flash's position.
 ///
-/// Photograph `i` is brighter than its view by `exp(gains[i]) * (d[i] / d_mean)^exponent`. `d` is the
+/// Photograph `i` is brighter than its view by `exp(log_gains[i]) * (d[i] / d_mean)^exponent`. `d` is the
 /// camera's distance from the sample's centre, `d_mean` the geometric mean of all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LightCorrection {
     /// Logarithm of each photograph's gain.
-    pub gains: Vec<f64>,
+    #[serde(rename = "gains")]
+    pub log_gains: Vec<f64>,
     /// Exponent of exposure over distance.
     pub exponent: f64,
     /// Logarithm of `d_mean`, mm.
@@ -44,9 +45,9 @@ impl LightCorrection {
     /// # Errors
     /// When a number is not finite.
     pub(crate) fn within_limits(mut self) -> Result<Self> {
-        let numbers = self.gains.iter().chain(&self.offset_mm);
+        let numbers = self.log_gains.iter().chain(&self.offset_mm);
         finite(numbers.chain([&self.exponent, &self.log_distance]))?;
-        for v in self.gains.iter_mut().chain([&mut self.exponent]) {
+        for v in self.log_gains.iter_mut().chain([&mut self.exponent]) {
             *v = v.clamp(-MAX_LOGARITHM, MAX_LOGARITHM);
         }
         Ok(self)
@@ -57,12 +58,12 @@ impl LightCorrection {
         let count = views.len();
         let sum: f64 = views.map(log_distance).sum();
         let log_distance = sum / count.max(1) as f64;
-        Self { gains: vec![0.0; count], log_distance, ..Self::default() }
+        Self { log_gains: vec![0.0; count], log_distance, ..Self::default() }
     }
 
     /// Factor by which a photograph is brighter than its view. Without an index, its own gain counts as 1.
     pub fn factor(&self, view: &View, index: Option<usize>) -> f64 {
-        let gain = index.and_then(|i| self.gains.get(i)).copied().unwrap_or(0.0);
+        let gain = index.and_then(|i| self.log_gains.get(i)).copied().unwrap_or(0.0);
         (gain + self.exponent * (log_distance(view) - self.log_distance)).exp()
     }
 

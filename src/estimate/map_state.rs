@@ -36,7 +36,7 @@ impl MapState {
             prior: options.prior,
             estimated: options.prior,
             fixed_noise: None,
-            joint: options.joint.few,
+            joint: options.joint.two_photographs,
         }
     }
 

@@ -108,7 +108,7 @@ fn fingerprint(bytes: &[u8]) -> Value {
 /// The corrections of the lights of rectified photographs.
 fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value> {
     let correction = session.light_correction();
-    let gain = |i: usize| correction.gains.get(i).copied().unwrap_or(0.0).exp();
+    let gain = |i: usize| correction.log_gains.get(i).copied().unwrap_or(0.0).exp();
     rectified.then(|| {
         json!({
             "offset_mm": correction.offset_mm,

@@ -126,7 +126,7 @@ impl Estimation {
     /// Noise of the residuals.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
         if self.is_joint() {
-            return Noise::of_model(self.options.joint.few.noise as f32);
+            return Noise::of_model(self.options.joint.two_photographs.noise as f32);
         }
         let photographs = self.photographs.full();
         let weight: f64 = photographs.iter().map(Observation::total_weight).sum();

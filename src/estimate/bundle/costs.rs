@@ -6,7 +6,7 @@ use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
 use crate::estimate::coordinates::Coordinates;
 use crate::estimate::coordinates::natural;
-use crate::estimate::posterior::{Residual, Seen};
+use crate::estimate::posterior::{Measurement, Residual};
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
@@ -94,7 +94,7 @@ impl<const K: usize> Kernel for Block<'_, K> {
                 for c in 0..3 {
                     let plane = &photograph.radiance[c * n..(c + 1) * n];
                     let radiance = V::load(&plane[self.texels.clone()], 0.0);
-                    let seen = Seen { noise: *noise, radiance, weight };
+                    let seen = Measurement { noise: *noise, radiance, weight };
                     let residual = Residual::of(&lobes, material, view, c, &seen);
                     *sum += residual.cost;
                 }

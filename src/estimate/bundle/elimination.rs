@@ -203,11 +203,7 @@ impl Totals {
 
 /// The factors of the matrix with prior and damping.
 #[inline(always)]
-fn factor<V: Lanes>(
-    matrix: &[V; PAIRS],
-    precision: &[f64; CHANNELS],
-    damping: f32,
-) -> Cholesky<V> {
+fn factor<V: Lanes>(matrix: &[V; PAIRS], precision: &[f64; CHANNELS], damping: f32) -> Cholesky<V> {
     let mut damped = *matrix;
     for i in 0..CHANNELS {
         let own = V::splat(precision[i] as f32 + damping * 1e-9);

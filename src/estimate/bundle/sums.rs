@@ -10,7 +10,9 @@ use super::problem::Problem;
 use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
 use crate::estimate::coordinates::from_coordinates;
-use crate::estimate::posterior::{Appearance, Line, NormalEquations, Residual, Seen, coordinates_of};
+use crate::estimate::posterior::{
+    LinearResidual, Measurement, NormalEquations, Residual, Shading, coordinates_of,
+};
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::Lanes;
@@ -107,20 +109,20 @@ impl<V: Lanes> Sums<V> {
         for linear in *linear {
             let (view, photograph) = (&linear.view, linear.photograph);
             let directions = Directions::at(view, x, y);
-            let appearance = Appearance::new(&material, &directions);
+            let shading = Shading::new(&material, &directions);
             let weight = V::load(&photograph.weight[texels.clone()], 0.0);
             if linear.by_view {
-                let by_light = appearance.lobes.by_light(&material, &directions);
+                let by_light = shading.lobes.by_light(&material, &directions);
                 parameters.across = across_light(&by_light, &directions, view, x, y);
             }
             for c in 0..3 {
                 let plane = &photograph.radiance[c * n..(c + 1) * n];
                 let radiance = V::load(&plane[texels.clone()], 0.0);
-                let seen = Seen { noise: *noise, radiance, weight };
-                let line = appearance.line(&material, view, c, &coordinates, &seen);
+                let seen = Measurement { noise: *noise, radiance, weight };
+                let line = shading.line(&material, view, c, &coordinates, &seen);
                 let Residual { value, square_weight, .. } = line.residual;
                 equations.add(c, line.by, value, square_weight);
-                let lobes = &appearance.lobes;
+                let lobes = &shading.lobes;
                 parameters.find(linear, c, &material, &directions, lobes, &line, shares);
                 parameters.add(linear, c, &line);
             }
@@ -173,10 +175,10 @@ impl<V: Lanes> Parameters<V> {
         material: &Material<V>,
         directions: &Directions<V>,
         lobes: &Lobes<V>,
-        line: &Line<V>,
+        line: &LinearResidual<V>,
         shares: &[Eight],
     ) {
-        let Line { brdf, fresnel, irradiance, residual, .. } = line;
+        let LinearResidual { brdf, fresnel, irradiance, residual, .. } = line;
         let (diffuse, specular) = (material.diffuse[c], material.specular[c]);
         let lobe = lobes.specular * *irradiance;
         let by_cosine = *brdf * directions.attenuation * V::splat(linear.view.power[c]);
@@ -219,8 +221,8 @@ impl<V: Lanes> Parameters<V> {
 
     /// Adds a colour's residual.
     #[inline(always)]
-    fn add(&mut self, linear: &Linear, c: usize, line: &Line<V>) {
-        let Line { residual, by, .. } = line;
+    fn add(&mut self, linear: &Linear, c: usize, line: &LinearResidual<V>) {
+        let LinearResidual { residual, by, .. } = line;
         let mut k = 0;
         for (i, (a, _)) in linear.derivatives.iter().enumerate() {
             let weighted = residual.square_weight * self.by[i];

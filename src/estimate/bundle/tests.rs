@@ -91,7 +91,7 @@ fn problem() -> (Problem, State) {
     };
     let views = problem.sample.photographs.iter().map(|p| &p.view).collect::<Vec<_>>();
     let exposure = LightCorrection {
-        gains: vec![0.02, -0.03, 0.05, 0.01],
+        log_gains: vec![0.02, -0.03, 0.05, 0.01],
         exponent: 0.7,
         offset_mm: [1.0, 2.0, -3.0],
         ..LightCorrection::as_given(views.into_iter())

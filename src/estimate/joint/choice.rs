@@ -13,7 +13,7 @@
 //! The chosen prior is the candidates' mean, weighted by the likelihood of their predictions. Its sigma of
 //! roughness, for example, is the weighted geometric mean of the candidates' [`JointPrior::roughness`].
 //! A single winner would change from photograph to photograph when candidates predict alike. With two
-//! photographs, the only candidates are [`JointOptions::few`] with and without anisotropy.
+//! photographs, the only candidates are [`JointOptions::two_photographs`] with and without anisotropy.
 //! [`Setup`] turns the chosen prior into means and sigmas of texels.
 //!
 //! A prediction is skipped once its candidate can no longer get a weight.
@@ -99,13 +99,13 @@ impl PriorChoice {
             let sample = Arc::new(Sample::new(photographs, averaged, TEXELS));
             Grid { estimate: sample.coordinates(maps), sample }
         });
-        let JointOptions { few, candidates, .. } = &options.joint;
+        let JointOptions { two_photographs, candidates, .. } = &options.joint;
         let first = candidates.first().filter(|_| count >= options.schedule.determined_from);
         let mut choice = Self {
             round: Round::Lobes,
             earlier: 0,
             candidates: Vec::new(),
-            accepted: (*first.unwrap_or(few), Vec::new()),
+            accepted: (*first.unwrap_or(two_photographs), Vec::new()),
             errors: Vec::new(),
             options: options.clone(),
             grids,
@@ -262,7 +262,7 @@ impl PriorChoice {
         };
         let sigma = |sigma: fn(&JointPrior) -> f64| mean(&|prior| sigma(prior).ln()).exp();
         (total > 0.0).then(|| JointPrior {
-            between: sigma(|prior| prior.between),
+            between_classes: sigma(|prior| prior.between_classes),
             relief: mean(&|prior| prior.relief),
             slope: sigma(|prior| prior.slope),
             diffuse: sigma(|prior| prior.diffuse),

@@ -107,11 +107,11 @@ impl JointFit {
     /// The shared unknowns in words. Gains beyond twice their sigma show that the lobe does not fit.
     pub fn shared(&self, sigmas: &SharedOptions) -> String {
         let Correction { ambient, exposure, .. } = &self.descent.progress.state.correction;
-        let LightCorrection { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
+        let LightCorrection { log_gains, exponent, offset_mm: [x, y, z], .. } = exposure;
         let mut text = format!(
             "flash moved by ({x:.1}, {y:.1}, {z:.1}) mm, exposure over distance^{exponent:.2}, ambient {ambient:.3}"
         );
-        let far = gains.iter().filter(|gain| gain.abs() > 2.0 * sigmas.gain).count();
+        let far = log_gains.iter().filter(|gain| gain.abs() > 2.0 * sigmas.gain).count();
         if far > 0 {
             text += &format!("; {far} gains beyond two sigmas: the lobe does not fit");
         }
@@ -141,7 +141,7 @@ impl JointFit {
         map_state.refine(photographs);
         let slopes = flattened(&map_state.maps, prior.relief as f32);
         photographs.correct(state.correction);
-        let mut gloss = Gloss { classes, values, lobes: None, directions: Vec::new() };
+        let mut gloss = ClassGloss { classes, values, lobes: None, directions: Vec::new() };
         if let [[a, _], [b, _]] = lobes[..] {
             let without = gloss.maps(&slopes, own, photographs);
             gloss.directions =
@@ -157,7 +157,7 @@ impl JointFit {
 }
 
 /// Classes and their gloss.
-struct Gloss {
+struct ClassGloss {
     classes: Clusters,
     values: Vec<Coordinates>,
     lobes: Option<SharedLobes>,
@@ -165,7 +165,7 @@ struct Gloss {
     directions: Vec<[f32; 2]>,
 }
 
-impl Gloss {
+impl ClassGloss {
     /// Maps with the slopes of an estimate, the gloss of classes, and the photographs' colours. With `own`,
     /// they have that share of the estimate's gloss in addition, and its diffuse albedo.
     fn maps(&self, estimate: &Svbrdf, own: Option<f64>, photographs: &Photographs) -> Svbrdf {

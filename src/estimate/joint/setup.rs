@@ -11,7 +11,7 @@
 //! | roughness | common gloss plus offset of the texel's classes | `roughness` |
 //!
 //! The solve estimates the common gloss and the offsets. The common gloss has mean [`JointOptions::gloss`]
-//! (roughness .5) and sigma [`JointOptions::gloss_sigma`]; offsets have mean 0 and sigma `between`. With two
+//! (roughness .5) and sigma [`JointOptions::gloss_sigma`]; offsets have mean 0 and sigma `between_classes`. With two
 //! photographs, [`Setup::around`] takes the means from the maps so far.
 
 use std::ops::Range;
@@ -200,7 +200,8 @@ impl Setup {
         let of_all =
             std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
         let classes = self.classes.len();
-        let of_class = scale / classes.max(1) as f64 / (prior.between * prior.between);
+        let of_class =
+            scale / classes.max(1) as f64 / (prior.between_classes * prior.between_classes);
         let mut precision = vec![[of_class; CHANNELS]; 1 + classes];
         precision[0] = of_all;
         // Directions have the gloss of their colours.

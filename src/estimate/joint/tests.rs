@@ -58,9 +58,14 @@ fn photographs(
 
 fn planted() -> LightCorrection {
     let views: Vec<View> = (0..6).map(given).collect();
-    let gains = vec![0.05, -0.04, 0.03, 0.0, -0.05, 0.02];
+    let log_gains = vec![0.05, -0.04, 0.03, 0.0, -0.05, 0.02];
     let offset_mm = [6.0, -9.0, 3.0];
-    LightCorrection { gains, exponent: 1.5, offset_mm, ..LightCorrection::as_given(views.iter()) }
+    LightCorrection {
+        log_gains,
+        exponent: 1.5,
+        offset_mm,
+        ..LightCorrection::as_given(views.iter())
+    }
 }
 
 fn options() -> EstimateOptions {
@@ -69,7 +74,12 @@ fn options() -> EstimateOptions {
 
 /// A prior of one class with one gloss.
 fn one_class() -> JointPrior {
-    JointPrior { between: 0.001, specular: 0.002, roughness: 0.001, ..JointPrior::default() }
+    JointPrior {
+        between_classes: 0.001,
+        specular: 0.002,
+        roughness: 0.001,
+        ..JointPrior::default()
+    }
 }
 
 /// Runs a joint solve to its end.
@@ -114,7 +124,7 @@ fn exposure_and_flash_are_estimated() {
         let roughness = map_state.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
-        assert_eq!(map_state.fixed_noise, Some(options().joint.few.noise as f32));
+        assert_eq!(map_state.fixed_noise, Some(options().joint.two_photographs.noise as f32));
     }
 }
 
@@ -363,7 +373,7 @@ fn classes_and_own_deviations_sum_to_the_estimate() {
     options.joint.classes = 4;
     let sample = Arc::new(Sample::new(&photographs, SIDE, SIDE));
     let coordinates = sample.coordinates(&estimate);
-    let prior = options.joint.few;
+    let prior = options.joint.two_photographs;
     let setup = Setup::new(&sample, &[0, 1], &prior, &coordinates, &options.joint);
     let setup = setup.around(&coordinates, 1.0);
     let classes = setup.classes.clone();
@@ -377,7 +387,7 @@ fn classes_and_own_deviations_sum_to_the_estimate() {
         }
     }
     let (values, directions) = (vec![[0.0; CHANNELS]; 4], Vec::new());
-    let gloss = Gloss { classes, values, lobes: None, directions };
+    let gloss = ClassGloss { classes, values, lobes: None, directions };
     let maps = gloss.maps(&estimate, Some(1.0), &photographs);
     for (estimated, expected) in maps.planes().iter().zip(estimate.planes()) {
         assert!((estimated - expected).abs() < 1e-5, "{estimated} {expected}");

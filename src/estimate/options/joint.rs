@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct JointOptions {
     /// The prior with too few photographs to leave one out: two.
-    pub few: JointPrior,
+    pub two_photographs: JointPrior,
     /// Candidate priors. The prior is the mean of those that predict photographs left out well.
     pub candidates: Vec<JointPrior>,
     /// Number of texels that count as independent, because errors of the model are alike all over a sample.
@@ -76,9 +76,10 @@ impl Default for JointOptions {
     fn default() -> Self {
         let classes = JointPrior::default();
         let free = JointPrior { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes };
-        let even = JointPrior { between: 0.03, specular: 0.002, roughness: 0.001, ..classes };
+        let even =
+            JointPrior { between_classes: 0.03, specular: 0.002, roughness: 0.001, ..classes };
         Self {
-            few: JointPrior { between: 0.3, diffuse: 0.1, ..classes },
+            two_photographs: JointPrior { between_classes: 0.3, diffuse: 0.1, ..classes },
             candidates: vec![
                 classes,
                 JointPrior { slope: 0.1, ..classes },
@@ -100,7 +101,7 @@ impl Default for JointOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct JointPrior {
     /// Sigma of a class's gloss (root of specular albedo, roughness) round that of all classes.
-    pub between: f64,
+    pub between_classes: f64,
     /// Share of the learned slopes in the mean: 0 is a flat sheet.
     pub relief: f64,
     /// Sigma of slopes.
@@ -126,7 +127,7 @@ impl Default for JointPrior {
     /// Classes of gloss on the learned slopes.
     fn default() -> Self {
         Self {
-            between: 0.1,
+            between_classes: 0.1,
             relief: 1.0,
             slope: 0.01,
             diffuse: 0.3,

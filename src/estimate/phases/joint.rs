@@ -46,7 +46,7 @@ impl Work for Choice {
 
     fn result(&self) -> Option<String> {
         let JointPrior {
-            between,
+            between_classes,
             relief,
             slope,
             diffuse: _,
@@ -58,7 +58,7 @@ impl Work for Choice {
             sheen,
         } = self.chosen?;
         Some(format!(
-            "{relief:.2} of the relief, sigmas between classes {between:.3}, of slopes {slope:.3}, specular {specular:.3}, \
+            "{relief:.2} of the relief, sigmas between classes {between_classes:.3}, of slopes {slope:.3}, specular {specular:.3}, \
              roughness {roughness:.3}, noise {noise:.2}{}{}{}",
             ["", ", anisotropic", ", anisotropic in two directions"][directions.min(2)],
             if coated { ", coated" } else { "" },

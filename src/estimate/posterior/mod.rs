@@ -20,4 +20,4 @@ pub(super) use information::{At, Covariance, covariance};
 pub(crate) use information::{Spread, spread};
 pub(super) use model::Posterior;
 pub(super) use normal_equations::{NormalEquations, cost};
-pub(super) use residual::{Appearance, Line, Residual, Seen, coordinates_of};
+pub(super) use residual::{LinearResidual, Measurement, Residual, Shading, coordinates_of};

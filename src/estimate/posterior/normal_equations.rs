@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::cholesky::{Cholesky, PAIRS, at};
 use super::model::Posterior;
-use super::residual::{Appearance, Residual, Seen, coordinates_of};
+use super::residual::{Measurement, Residual, Shading, coordinates_of};
 use crate::reflectance::{Directions, Lobes};
 use crate::simd::Lanes;
 use crate::svbrdf::CHANNELS;
@@ -44,7 +44,7 @@ pub(in crate::estimate) fn cost<V: Lanes>(
         let weight = observation.load_weight(&texels);
         for c in 0..3 {
             let radiance = observation.load_radiance(c, &texels);
-            let seen = Seen { noise: posterior.noise[c], radiance, weight };
+            let seen = Measurement { noise: posterior.noise[c], radiance, weight };
             let residual = Residual::of(&lobes, &material, view, c, &seen);
             cost += residual.cost;
             loss[c] += residual.loss;
@@ -68,12 +68,12 @@ impl<V: Lanes> NormalEquations<V> {
         let mut equations = Self::of_prior(posterior, x, mean);
         let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [zero; 3]);
         for (observation, directions) in posterior.observations.iter().zip(directions) {
-            let appearance = Appearance::new(&material, directions);
+            let shading = Shading::new(&material, directions);
             let weight = observation.load_weight(&texels);
             for c in 0..3 {
                 let radiance = observation.load_radiance(c, &texels);
-                let seen = Seen { noise: posterior.noise[c], radiance, weight };
-                let line = appearance.line(&material, &observation.view, c, x, &seen);
+                let seen = Measurement { noise: posterior.noise[c], radiance, weight };
+                let line = shading.line(&material, &observation.view, c, x, &seen);
                 cost += line.residual.cost;
                 loss[c] += line.residual.loss;
                 let Residual { value, square_weight, .. } = line.residual;

@@ -7,7 +7,7 @@ use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 
 /// A measured radiance in one colour, its noise and weight.
-pub(in crate::estimate) struct Seen<V> {
+pub(in crate::estimate) struct Measurement<V> {
     pub noise: Noise,
     pub radiance: V,
     pub weight: V,
@@ -44,7 +44,7 @@ impl<V: Lanes> Residual<V> {
         material: &Material<V>,
         view: &TexelView,
         c: usize,
-        seen: &Seen<V>,
+        seen: &Measurement<V>,
     ) -> Self {
         let (brdf, _) = lobes.brdf(material, c);
         let ambient = material.diffuse[c] * V::splat(view.ambient[c])
@@ -54,8 +54,8 @@ impl<V: Lanes> Residual<V> {
     }
 
     #[inline(always)]
-    fn new(offset_rendered: V, seen: &Seen<V>) -> Self {
-        let &Seen { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
+    fn new(offset_rendered: V, seen: &Measurement<V>) -> Self {
+        let &Measurement { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
         let (zero, threshold) = (V::splat(0.0), V::splat(huber));
         let pair = OffsetPair::new(offset_rendered, observed);
         // The radiance of an unseen texel is arbitrary.
@@ -77,7 +77,7 @@ impl<V: Lanes> Residual<V> {
 }
 
 /// Terms that the colours of a photograph share, at eight texels.
-pub(in crate::estimate) struct Appearance<V> {
+pub(in crate::estimate) struct Shading<V> {
     pub lobes: Lobes<V>,
     lobe_by_slopes: [V; 2],
     irradiance_by_slopes: [V; 2],
@@ -87,7 +87,7 @@ pub(in crate::estimate) struct Appearance<V> {
 }
 
 /// Residual and derivatives in one colour, at eight texels.
-pub(in crate::estimate) struct Line<V> {
+pub(in crate::estimate) struct LinearResidual<V> {
     pub residual: Residual<V>,
     /// Derivatives of ln(rendered + 0.01) by the [`coordinates_of`] the colour.
     pub by: [V; 5],
@@ -97,7 +97,7 @@ pub(in crate::estimate) struct Line<V> {
     pub irradiance: V,
 }
 
-impl<V: Lanes> Appearance<V> {
+impl<V: Lanes> Shading<V> {
     #[inline(always)]
     pub fn new(material: &Material<V>, directions: &Directions<V>) -> Self {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
@@ -126,8 +126,8 @@ impl<V: Lanes> Appearance<V> {
         view: &TexelView,
         c: usize,
         x: &[V; CHANNELS],
-        seen: &Seen<V>,
-    ) -> Line<V> {
+        seen: &Measurement<V>,
+    ) -> LinearResidual<V> {
         let lobes = &self.lobes;
         let power = V::splat(view.power[c]);
         let ambient = V::splat(view.ambient[c]);
@@ -159,6 +159,6 @@ impl<V: Lanes> Appearance<V> {
             by_specular * twice * x[channel::SPECULAR + c],
             lobe * self.lobe_by_roughness,
         ];
-        Line { residual, by, brdf, fresnel, irradiance }
+        LinearResidual { residual, by, brdf, fresnel, irradiance }
     }
 }
