@@ -263,9 +263,8 @@ impl Estimation {
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
         self.begun_with = (self.photographs.correction().clone(), maps.clone());
         let map_state = maps.map(|maps| MapState::new(maps, &self.options));
-        let coarse = self.photographs.stride_log2() > 0;
         let without = &self.options.schedule.without;
-        let schedule = Schedule::new(self.task, self.photographs.len(), coarse, without);
+        let schedule = Schedule::new(self.task, self.photographs.len(), without);
         self.stage = Stage::Running(Box::new(Run { schedule, map_state }));
     }
 

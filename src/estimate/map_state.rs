@@ -1,6 +1,7 @@
 //! Maps and their prior, handed from phase to phase.
 
 use super::finer::Guide;
+use super::noise::Noise;
 use super::options::{EstimateOptions, JointPrior};
 use super::photographs::Photographs;
 use super::prior::Prior;
@@ -19,10 +20,8 @@ pub(crate) struct MapState {
     pub mean: Svbrdf,
     /// The prior's sigmas, `Λ^-½`.
     pub prior: Prior,
-    /// Sigmas that the latest steps estimated.
-    pub estimated: Prior,
-    /// Noise of the next steps if it is fixed, not estimated.
-    pub fixed_noise: Option<f32>,
+    /// The noise of the solver's next steps.
+    pub noise: Noise,
     /// The prior of the joint solve.
     pub joint: JointPrior,
 }
@@ -34,8 +33,7 @@ impl MapState {
             mean: maps.clone(),
             maps,
             prior: options.prior,
-            estimated: options.prior,
-            fixed_noise: None,
+            noise: Noise::expected(&options.noise),
             joint: options.joint.two_photographs,
         }
     }

@@ -1,10 +1,9 @@
-//! The noise of log residuals: a scale for each colour, and the residual at which the loss turns from
-//! quadratic to linear.
+//! The noise of log residuals: their scale, and the residual at which the loss turns from quadratic to linear.
 
 use super::options::NoiseOptions;
 use crate::{Error, Result};
 
-/// Expected size of a colour's log residuals.
+/// Expected size of log residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Noise {
     /// Mean of absolute values.
@@ -22,6 +21,14 @@ impl Noise {
     /// A scale for noise and errors of the model together, quadratic below it.
     pub fn of_model(scale: f32) -> Self {
         Self { scale, huber: scale }
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        if positive(self.scale) && positive(self.huber) {
+            return Ok(());
+        }
+        Err(Error::argument("noise", "scale and huber must be positive numbers"))
     }
 
     /// Estimated from the mean log-L1 `loss` of a fit. The texels' parameters absorb a part of the noise.
@@ -43,14 +50,6 @@ impl NoiseOptions {
     pub(super) fn calibrated(&self, log_sigma: f32) -> Self {
         let grown = self.expected * (log_sigma / self.squares).max(1.0).powf(self.growth);
         Self { expected: grown.min(self.most_expected.max(self.expected)), ..*self }
-    }
-
-    pub(super) fn check(&self) -> Result<()> {
-        let positive = |x: f32| x.is_finite() && x > 0.0;
-        if positive(self.expected) && positive(self.huber) {
-            return Ok(());
-        }
-        Err(Error::argument("noise", "expected and huber must be positive numbers"))
     }
 }
 

@@ -33,13 +33,6 @@ impl Prior {
     }
 }
 
-/// The most probable variance of deviations round a prior's mean: their sum of squares over the number of
-/// parameters that photographs determine (MacKay, *Bayesian interpolation*, 1992). `None` if they determine
-/// none.
-pub(super) fn probable_variance(squares: f64, determined: f64) -> Option<f64> {
-    (determined > 0.0).then(|| squares / determined)
-}
-
 /// An error if the sizes of two maps differ.
 pub(super) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
     if (a.width(), a.height()) == (b.width(), b.height()) {

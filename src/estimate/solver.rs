@@ -3,24 +3,20 @@
 //!
 //! Directions that the photographs do not determine stay at the prior's mean; without the prior, noise would
 //! drift along them.
-//!
-//! Each step re-estimates two hyper-parameters: the noise of each colour, from the residuals, and the sigma
-//! of slopes, which grows for a material that is bumpier than expected ([`probable_variance`]).
 
 use std::ops::Range;
 
 use super::coordinates::{from_coordinates, limits, to_coordinates};
 use super::noise::Noise;
-use super::options::NoiseOptions;
 use super::posterior::{NormalEquations, Posterior, cost};
-use super::prior::{Prior, probable_variance, same_size};
+use super::prior::{Prior, same_size};
 use crate::Result;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
+use crate::svbrdf::{CHANNELS, Svbrdf, bands};
 
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f32 = 0.01;
@@ -29,46 +25,17 @@ const EASE: f32 = 0.2;
 const RAISE: f32 = 8.0;
 /// Longest step of a coordinate.
 const MAX_STEP: f32 = 0.3;
-/// Largest ratio of the estimated sigma of slopes to the prior's.
-const MAX_WIDENING: f32 = 4.0;
-
-/// Result of the steps so far.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Summary {
-    /// Steps taken.
-    pub steps: usize,
-    /// [`render::loss`] of the maps; NaN before the first step.
-    pub loss: f64,
-    /// The prior with the estimated sigma of slopes.
-    pub prior: Prior,
-    /// Scale of the log residuals in each colour: demosaicking and JPEG leave two or three times as much in
-    /// red and blue as in green.
-    pub noise: [f32; 3],
-}
-
 /// Steps in progress; the caller keeps the maps.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Solver {
-    options: NoiseOptions,
-    /// The given prior.
     prior: Prior,
-    pub state: SolverState,
+    noise: Noise,
     /// Sum of the photographs' weights.
     weight: f64,
-    /// Whether noise and sigma of slopes are fixed.
-    fixed: bool,
-}
-
-/// State between steps.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SolverState {
-    pub steps: usize,
-    pub loss: f64,
-    /// Variance of slopes relative to the prior's.
-    pub widening: f32,
-    pub noise: [Noise; 3],
     /// Damping of each texel, relative to the diagonal.
-    pub damping: Vec<f32>,
+    damping: Vec<f32>,
+    /// Steps taken.
+    pub steps: usize,
 }
 
 impl Solver {
@@ -80,40 +47,15 @@ impl Solver {
         maps: &mut Svbrdf,
         observations: &[Observation],
         prior: &Prior,
-        options: &NoiseOptions,
+        noise: Noise,
     ) -> Result<Self> {
         prior.check()?;
-        options.check()?;
-        maps.clamp();
-        let state = SolverState {
-            steps: 0,
-            loss: f64::NAN,
-            widening: 1.0,
-            noise: [Noise::expected(options); 3],
-            damping: vec![FIRST_DAMPING; maps.texels()],
-        };
+        noise.check()?;
         check_observations(maps, observations)?;
+        maps.clamp();
         let weight = observations.iter().map(Observation::total_weight).sum();
-        Ok(Self { options: *options, prior: *prior, state, weight, fixed: false })
-    }
-
-    /// Fixes the noise and the sigma of slopes; does nothing for `None`.
-    pub fn with_noise(mut self, noise: Option<f32>) -> Self {
-        if let Some(scale) = noise {
-            self.state.noise = [Noise { scale, huber: self.options.huber }; 3];
-            self.fixed = true;
-        }
-        self
-    }
-
-    /// Result of the steps so far.
-    pub fn summary(&self) -> Summary {
-        let SolverState { steps, loss, noise, .. } = self.state;
-        let mut prior = self.prior;
-        for (wide, sigma) in prior.sigma[..2].iter_mut().zip(self.prior.sigma) {
-            *wide = sigma * self.state.widening.sqrt();
-        }
-        Summary { steps, loss, prior, noise: noise.map(|n| n.scale) }
+        let damping = vec![FIRST_DAMPING; maps.texels()];
+        Ok(Self { prior: *prior, noise, weight, damping, steps: 0 })
     }
 
     /// One step of the maps round the prior's `mean`; returns the mean log-L1 after it. Maps are valid after
@@ -129,61 +71,24 @@ impl Solver {
     ) -> Result<f64> {
         same_size("mean", maps, mean)?;
         check_observations(maps, observations)?;
-        self.state.steps += 1;
+        self.steps += 1;
         if self.weight <= 0.0 {
-            self.state.loss = 0.0;
             return Ok(0.0);
         }
-        let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
+        let (width, height) = (maps.width(), maps.height());
         let prepared = Prepared::new(maps, observations);
-        let posterior = Posterior {
-            observations: &prepared,
-            noise: self.state.noise,
-            precision: self.precision(),
-            lobes: mean,
-        };
-        let damping = bands::<1, _>(&mut self.state.damping, width, height, BAND_ROWS);
+        let posterior = &Posterior::new(&prepared, self.noise, &self.prior, mean);
+        let damping = bands::<1, _>(&mut self.damping, width, height, BAND_ROWS);
         let parts = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS).zip(damping);
-        let posterior = &posterior;
-        let sums: Vec<[f64; 5]> = parallel::map_parts(parts, |band, (planes, [damping])| {
+        let losses: Vec<f64> = parallel::map_parts(parts, |band, (planes, [damping])| {
             let first_row = band * BAND_ROWS;
             dispatch(StepBand { posterior, mean, first_row, planes, damping })
         });
-        let total =
-            sums.iter().fold([0.0; 5], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
-        let [squares, determined, losses @ ..] = total;
-        self.state.loss = losses.iter().sum::<f64>() / (3.0 * self.weight);
-        if self.fixed {
-            return Ok(self.state.loss);
-        }
-        self.widen(squares, determined);
-        let photographs = self.weight / texels as f64;
-        let estimated =
-            |loss: f64| Noise::estimated(&self.options, loss / self.weight, photographs);
-        self.state.noise = losses.map(estimated);
-        Ok(self.state.loss)
-    }
-
-    /// 1 / sigma², with the estimated sigma of slopes.
-    fn precision(&self) -> [f32; CHANNELS] {
-        let mut precision = self.prior.precision();
-        for (precision, sigma) in precision[..2].iter_mut().zip(self.prior.sigma) {
-            *precision = (sigma * sigma * self.state.widening).recip();
-        }
-        precision
-    }
-
-    /// Estimates the variance of slopes from the sums of their squared deviations, in sigmas, and of the
-    /// fractions that the photographs determine.
-    fn widen(&mut self, squares: f64, determined: f64) {
-        let squares = f64::from(self.state.widening) * squares;
-        if let Some(variance) = probable_variance(squares, determined) {
-            self.state.widening = (variance as f32).clamp(1.0, MAX_WIDENING * MAX_WIDENING);
-        }
+        Ok(losses.iter().sum::<f64>() / (3.0 * self.weight))
     }
 }
 
-/// Takes `steps` steps at once.
+/// Takes `steps` steps at once; returns the mean log-L1 after them.
 #[cfg(test)]
 pub(super) fn solve(
     maps: &mut Svbrdf,
@@ -191,13 +96,10 @@ pub(super) fn solve(
     prior: &Prior,
     observations: &[Observation],
     steps: usize,
-    options: &NoiseOptions,
-) -> Result<Summary> {
-    let mut solver = Solver::new(maps, observations, prior, options)?;
-    for _ in 0..steps {
-        solver.step(maps, mean, observations)?;
-    }
-    Ok(solver.summary())
+    noise: Noise,
+) -> Result<f64> {
+    let mut solver = Solver::new(maps, observations, prior, noise)?;
+    (0..steps).try_fold(f64::NAN, |_, _| solver.step(maps, mean, observations))
 }
 
 struct StepBand<'a> {
@@ -209,19 +111,18 @@ struct StepBand<'a> {
 }
 
 impl Kernel for StepBand<'_> {
-    /// The two sums of [`Solver::widen`] before the step, and the weighted log-L1 loss of each colour after
-    /// it.
-    type Output = [f64; 5];
+    /// Weighted log-L1 loss after the step.
+    type Output = f64;
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> [f64; 5] {
+    fn run<V: Lanes>(self) -> f64 {
         let Self { posterior, mean, first_row, mut planes, damping } = self;
         let width = mean.width();
-        let mut sum = [0.0; 5];
+        let mut sum = 0.0;
         let mut directions = vec![Directions::none(); posterior.observations.len()];
         for r in 0..damping.len() / width {
             let row = first_row + r;
-            let mut row_sum = [V::splat(0.0); 5];
+            let mut row_sum = V::splat(0.0);
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
                 let (texels, here) =
@@ -234,25 +135,20 @@ impl Kernel for StepBand<'_> {
                 let mut damped = V::load(&damping[here.clone()], 1.0);
                 let (mut x, mean) = (to_coordinates(x), to_coordinates(mean));
                 find_directions(posterior.observations, column, row, &mut directions);
-                let sums = step(posterior, &mut x, &mean, &mut damped, &directions, texels);
-                row_sum.iter_mut().zip(sums).for_each(|(a, b)| *a += b);
+                row_sum += step(posterior, &mut x, &mean, &mut damped, &directions, texels);
                 damped.store(&mut damping[here.clone()]);
                 for (value, plane) in from_coordinates(&x).into_iter().zip(&mut planes) {
                     value.store(&mut plane[here.clone()]);
                 }
             }
-            for (a, b) in sum.iter_mut().zip(row_sum) {
-                *a += b.sum();
-            }
+            sum += row_sum.sum();
         }
         sum
     }
 }
 
 /// One damped Gauss-Newton step of eight texels. A texel whose cost rises is tried once more with stronger
-/// damping, then stays. Returns the slopes' squared deviations from the mean in sigmas and the number of
-/// slopes that the photographs determine, both before the step, and the weighted log-L1 loss of each colour
-/// after it.
+/// damping, then stays. Returns the weighted log-L1 loss after the step.
 #[inline(always)]
 fn step<V: Lanes>(
     posterior: &Posterior,
@@ -261,18 +157,10 @@ fn step<V: Lanes>(
     damping: &mut V,
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> [V; 5] {
-    let (equations, start) = NormalEquations::new(posterior, x, mean, directions, texels.clone());
-    let (mut squares, mut determined) = (V::splat(0.0), V::splat(0.0));
-    let factor = equations.factor(V::splat(0.0));
-    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-        let precision = V::splat(posterior.precision[c]);
-        let deviation = x[c] - mean[c];
-        squares = (deviation * deviation).mul_add(precision, squares);
-        determined += V::splat(1.0) - factor.variance(c) * precision;
-    }
+) -> V {
+    let (equations, (mut best, mut loss)) =
+        NormalEquations::new(posterior, x, mean, directions, texels.clone());
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
-    let (mut best, mut loss) = start;
     let mut waiting = one;
     for _ in 0..2 {
         let delta = equations.solve(*damping);
@@ -288,9 +176,7 @@ fn step<V: Lanes>(
         for c in 0..CHANNELS {
             x[c] = taken.if_greater(zero, trial[c], x[c]);
         }
-        for c in 0..3 {
-            loss[c] = taken.if_greater(zero, trial_loss[c], loss[c]);
-        }
+        loss = taken.if_greater(zero, trial_loss, loss);
         best = taken.if_greater(zero, cost, best);
         let eased = *damping * V::splat(EASE);
         let raised = waiting.if_greater(zero, *damping * V::splat(RAISE), *damping);
@@ -300,7 +186,7 @@ fn step<V: Lanes>(
             break;
         }
     }
-    [squares, determined, loss[0], loss[1], loss[2]]
+    loss
 }
 
 #[cfg(test)]

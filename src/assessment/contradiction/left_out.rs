@@ -7,7 +7,7 @@ use crate::Result;
 use crate::Svbrdf;
 use crate::estimate::coordinates::{by_coordinate, natural, to_coordinate};
 use crate::estimate::options::NoiseOptions;
-use crate::estimate::{Prior, Solver};
+use crate::estimate::{Noise, Prior, Solver};
 use crate::loss::EPSILON;
 use crate::observation::{Observation, View};
 use crate::parallel;
@@ -110,8 +110,8 @@ struct Raw {
 /// Maps of the cells, fitted to photographs.
 fn fitted(mean: &Svbrdf, photographs: &[Observation], options: &NoiseOptions) -> Result<Svbrdf> {
     let mut maps = mean.clone();
-    let solver = Solver::new(&mut maps, photographs, &PRIOR, options)?;
-    let mut solver = solver.with_noise(Some(NOISE as f32));
+    let noise = Noise { scale: NOISE as f32, huber: options.huber };
+    let mut solver = Solver::new(&mut maps, photographs, &PRIOR, noise)?;
     for _ in 0..STEPS {
         solver.step(&mut maps, mean, photographs)?;
     }

@@ -151,7 +151,7 @@ impl JointFit {
         map_state.mean = gloss.maps(&slopes, own, photographs);
         map_state.maps.clone_from(&map_state.mean);
         map_state.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
-        map_state.fixed_noise = Some(prior.noise as f32);
+        map_state.noise = problem.noise;
         lobes
     }
 }

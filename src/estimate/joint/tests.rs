@@ -124,7 +124,7 @@ fn exposure_and_flash_are_estimated() {
         let roughness = map_state.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
-        assert_eq!(map_state.fixed_noise, Some(options().joint.two_photographs.noise as f32));
+        assert_eq!(map_state.noise.scale, options().joint.two_photographs.noise as f32);
     }
 }
 

@@ -3,7 +3,7 @@
 //! | phase | photographs | changes | by |
 //! |---|---|---|---|
 //! | latent | 1 | latent code | Adam through decoder and renderer |
-//! | relief | 1 | maps, learned slopes | steps of the texels round the latent maps; from two photographs on, completion by a network |
+//! | relief | 2 | maps, learned slopes | steps of the texels round the latent maps, completion by a network |
 //! | choice | 2 | prior of the joint solve: optional lobes, from three photographs on sigmas and share of relief | leave-one-out prediction |
 //! | joint | 2 | gloss of classes, shared unknowns, the prior's mean | Levenberg-Marquardt, texels eliminated |
 //! | texels | 1 | maps at full size | steps of the texels round the prior's mean |
@@ -57,9 +57,8 @@ fn tell(report: &PhaseReport) {
 }
 
 impl Schedule {
-    /// The phases for a number of photographs, without those that `without` names. `coarse` says that the photographs
-    /// have more texels than the phases work on.
-    pub fn new(task: Task, photographs: usize, coarse: bool, without: &[Omission]) -> Self {
+    /// The phases for a number of photographs, without those that `without` names.
+    pub fn new(task: Task, photographs: usize, without: &[Omission]) -> Self {
         let mut left: VecDeque<Box<dyn Work>> = VecDeque::new();
         if task.method == Method::Classic {
             left.push_back(Box::new(baseline::Phase::default()));
@@ -67,14 +66,12 @@ impl Schedule {
             left.push_back(Box::new(latent::Phase::default()));
         }
         if task.method == Method::Deep && task.refine {
-            left.push_back(Box::new(relief::Phase::new(photographs)));
             if photographs > 1 {
+                left.push_back(Box::new(relief::Phase::default()));
                 left.push_back(Box::new(joint::Choice::default()));
                 left.push_back(Box::new(joint::Joint::default()));
             }
-            if photographs > 1 || coarse {
-                left.push_back(Box::new(texels::Phase::default()));
-            }
+            left.push_back(Box::new(texels::Phase::default()));
         }
         left.retain(|work| !without.iter().any(|part| part.name() == work.name()));
         let span = debug_span!(target: "svbrdf::fit", "fit", photos = photographs);
@@ -128,7 +125,7 @@ mod tests {
     fn phases_are_left_out_by_name() {
         let task = Task { method: Method::Deep, refine: true, free_lights: false };
         let names = |without: &[Omission]| {
-            let schedule = Schedule::new(task, 3, false, without);
+            let schedule = Schedule::new(task, 3, without);
             schedule.left.iter().map(|work| work.name()).collect::<Vec<_>>()
         };
         let all = ["latent", "relief", "choice", "joint", "texels"];

@@ -3,6 +3,7 @@
 use super::work::{Context, Done, Phase as Shown, Work};
 use crate::Result;
 use crate::estimate::budget::Trend;
+use crate::estimate::map_state::MapState;
 use crate::estimate::solver::Solver;
 use crate::estimate::task::EarlyStop;
 
@@ -24,7 +25,7 @@ impl Steps {
     }
 
     pub fn taken(&self) -> usize {
-        self.solver.as_ref().map_or(0, |solver| solver.state.steps)
+        self.solver.as_ref().map_or(0, |solver| solver.steps)
     }
 
     pub fn fraction(&self) -> f32 {
@@ -33,26 +34,22 @@ impl Steps {
 
     /// A step with these photographs.
     pub fn step(&mut self, which: &[usize], context: &mut Context) -> Result<Done> {
-        let Context { map_state: Some(map_state), photographs, options, meter, .. } = context
-        else {
+        let Context { map_state: Some(map_state), photographs, meter, .. } = context else {
             return Ok(Done::silent(true));
         };
         let observations = &photographs.like(&map_state.maps).some(which)[..];
         let solver = match &mut self.solver {
             Some(solver) => solver,
             None => {
-                let (maps, prior) = (&mut map_state.maps, &map_state.prior);
-                let solver = Solver::new(maps, observations, prior, &options.noise)?;
-                self.solver.insert(solver.with_noise(map_state.fixed_noise))
+                let MapState { maps, prior, noise, .. } = map_state;
+                self.solver.insert(Solver::new(maps, observations, prior, *noise)?)
             }
         };
         let before = f64::from(*context.loss);
         let loss = solver.step(&mut map_state.maps, &map_state.mean, observations)?;
-        let summary = solver.summary();
-        map_state.estimated = summary.prior;
         *context.loss = loss as f32;
         meter.count();
-        let step = summary.steps;
+        let step = solver.steps;
         let invisible = meter.budget.stop_when_invisible;
         let is_flat = self.trend.is_flat(step, loss) && (self.may_end || invisible);
         if is_flat && step < self.steps && invisible {

@@ -112,7 +112,7 @@ fn planes<const PLANES: usize>(
     out: impl for<'a> Fn([&'a mut [f32]; PLANES]) -> Out<'a> + Sync,
 ) -> Vec<f32> {
     let prepared = Prepared::new(at.maps, observations);
-    let posterior = Posterior::new(&prepared, [at.noise; 3], at.prior, at.maps);
+    let posterior = Posterior::new(&prepared, at.noise, at.prior, at.maps);
     let (width, height) = (at.maps.width(), at.maps.height());
     let mut planes = vec![0.0; PLANES * at.maps.texels()];
     parallel::parts(bands::<PLANES, _>(&mut planes, width, height, BAND_ROWS), |band, planes| {
@@ -159,7 +159,7 @@ impl Kernel for Band<'_> {
                 };
                 let (x, mean) = (load(at.maps), load(at.mean));
                 find_directions(posterior.observations, column, row, &mut directions);
-                let (equations, (_, [red, green, blue])) =
+                let (equations, (_, loss)) =
                     NormalEquations::new(posterior, &x, &mean, &directions, texels.clone());
                 let factor = equations.factor(V::splat(0.0));
                 match &mut out {
@@ -178,7 +178,7 @@ impl Kernel for Band<'_> {
                             weight += observation.load_weight(&texels);
                         }
                         weight.store(&mut weight_out[here.clone()]);
-                        let loss = (red + green + blue) * V::splat(1.0 / 3.0);
+                        let loss = loss * V::splat(1.0 / 3.0);
                         loss.store(&mut loss_out[here.clone()]);
                     }
                 }

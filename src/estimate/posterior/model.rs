@@ -13,8 +13,7 @@ use crate::svbrdf::{CHANNELS, Svbrdf};
 /// The posterior of a texel, apart from its prior mean.
 pub(in crate::estimate) struct Posterior<'a> {
     pub observations: &'a [Prepared<'a>],
-    /// Of each colour.
-    pub noise: [Noise; 3],
+    pub noise: Noise,
     /// 1 / sigma².
     pub precision: [f32; CHANNELS],
     /// Maps with the texels' optional lobes, which are fixed.
@@ -24,7 +23,7 @@ pub(in crate::estimate) struct Posterior<'a> {
 impl<'a> Posterior<'a> {
     pub fn new(
         observations: &'a [Prepared<'a>],
-        noise: [Noise; 3],
+        noise: Noise,
         prior: &Prior,
         lobes: &'a Svbrdf,
     ) -> Self {

@@ -27,7 +27,7 @@ fn prior_cost<V: Lanes>(posterior: &Posterior, x: &[V; CHANNELS], mean: &[V; CHA
     sum
 }
 
-/// Objective, and weighted log-L1 loss of each colour, at coordinates `x`.
+/// Objective, and weighted log-L1 loss, at coordinates `x`.
 #[inline(always)]
 pub(in crate::estimate) fn cost<V: Lanes>(
     posterior: &Posterior,
@@ -35,19 +35,19 @@ pub(in crate::estimate) fn cost<V: Lanes>(
     mean: &[V; CHANNELS],
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> (V, [V; 3]) {
+) -> (V, V) {
     let material = posterior.material(x, &texels);
-    let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [V::splat(0.0); 3]);
+    let (mut cost, mut loss) = (prior_cost(posterior, x, mean), V::splat(0.0));
     for (observation, directions) in posterior.observations.iter().zip(directions) {
         let view = &observation.view;
         let lobes = Lobes::new(&material, directions);
         let weight = observation.load_weight(&texels);
         for c in 0..3 {
             let radiance = observation.load_radiance(c, &texels);
-            let seen = Measurement { noise: posterior.noise[c], radiance, weight };
+            let seen = Measurement { noise: posterior.noise, radiance, weight };
             let residual = Residual::of(&lobes, &material, view, c, &seen);
             cost += residual.cost;
-            loss[c] += residual.loss;
+            loss += residual.loss;
         }
     }
     (cost, loss)
@@ -62,20 +62,19 @@ impl<V: Lanes> NormalEquations<V> {
         mean: &[V; CHANNELS],
         directions: &[Directions<V>],
         texels: Range<usize>,
-    ) -> (Self, (V, [V; 3])) {
-        let zero = V::splat(0.0);
+    ) -> (Self, (V, V)) {
         let material = posterior.material(x, &texels);
         let mut equations = Self::of_prior(posterior, x, mean);
-        let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [zero; 3]);
+        let (mut cost, mut loss) = (prior_cost(posterior, x, mean), V::splat(0.0));
         for (observation, directions) in posterior.observations.iter().zip(directions) {
             let shading = Shading::new(&material, directions);
             let weight = observation.load_weight(&texels);
             for c in 0..3 {
                 let radiance = observation.load_radiance(c, &texels);
-                let seen = Measurement { noise: posterior.noise[c], radiance, weight };
+                let seen = Measurement { noise: posterior.noise, radiance, weight };
                 let line = shading.line(&material, &observation.view, c, x, &seen);
                 cost += line.residual.cost;
-                loss[c] += line.residual.loss;
+                loss += line.residual.loss;
                 let Residual { value, square_weight, .. } = line.residual;
                 equations.add(c, line.by, value, square_weight);
             }

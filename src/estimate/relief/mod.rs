@@ -14,8 +14,6 @@ use std::ops::Range;
 
 use crate::estimate::coordinates::{coordinates, from_coordinate, to_coordinate};
 use crate::estimate::map_state::MapState;
-use crate::estimate::noise::Noise;
-use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, Covariance, covariance};
 use crate::estimate::prior::Prior;
@@ -58,19 +56,15 @@ impl FitRecord {
     ///
     /// # Errors
     /// When sizes differ.
-    pub(crate) fn new(
-        photographs: &Photographs,
-        map_state: &MapState,
-        options: &EstimateOptions,
-    ) -> Result<Self> {
+    pub(crate) fn new(photographs: &Photographs, map_state: &MapState) -> Result<Self> {
         for maps in [&map_state.mean, &map_state.maps] {
             check_observations(maps, photographs.full())?;
         }
         let halvings = photographs.halvings_to(TEXELS);
         let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
         let (mean, maps) = (small(&map_state.mean), small(&map_state.maps));
-        let (prior, noise) = (map_state.estimated, Noise::expected(&options.noise));
-        let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
+        let prior = map_state.prior;
+        let at = At { maps: &maps, mean: &mean, prior: &prior, noise: map_state.noise };
         let covariance = covariance(at, &photographs.level(halvings));
         Ok(Self { mean, maps, covariance, prior, photographs: photographs.len(), halvings })
     }

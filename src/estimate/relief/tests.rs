@@ -1,4 +1,5 @@
 use super::*;
+use crate::estimate::options::EstimateOptions;
 use crate::estimate::solver::solve;
 use crate::random::Random;
 use crate::test_support::{photograph, view_from};
@@ -54,14 +55,12 @@ fn fitted(truth: &Svbrdf) -> (MapState, Photographs) {
 
 /// Eight steps of the solver with the default prior.
 fn step(map_state: &mut MapState, photographs: &Photographs) {
-    let EstimateOptions { noise, prior, .. } = EstimateOptions::default();
-    let MapState { maps, mean, .. } = map_state;
-    let summary = solve(maps, mean, &prior, photographs.full(), 8, &noise).unwrap();
-    map_state.estimated = summary.prior;
+    let MapState { maps, mean, prior, noise, .. } = map_state;
+    solve(maps, mean, prior, photographs.full(), 8, *noise).unwrap();
 }
 
 fn record(map_state: &MapState, photographs: &Photographs) -> FitRecord {
-    FitRecord::new(photographs, map_state, &EstimateOptions::default()).unwrap()
+    FitRecord::new(photographs, map_state).unwrap()
 }
 
 #[test]
@@ -121,7 +120,7 @@ fn features_match_those_of_training() {
     let (mut map_state, photographs) = fitted(&truth());
     map_state.mean.plane_mut(channel::DIFFUSE).fill(0.09);
     let fit = record(&map_state, &photographs);
-    let MapState { maps, mean, estimated: prior, .. } = &map_state;
+    let MapState { maps, mean, prior, .. } = &map_state;
     let scales = fit.scales();
     let (n, record, features) = (SIDE * SIDE, fit.planes(), fit.features(&scales));
     assert_eq!(record.len(), (3 * CHANNELS + 45) * n + CHANNELS);

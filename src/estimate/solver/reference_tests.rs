@@ -114,8 +114,8 @@ fn the_reference_example_ends_closer_than_the_baseline() {
     let by_adam = show("Adam", &adam);
     let solved = |prior: &Prior| {
         let mut maps = start.clone();
-        let options = &NoiseOptions::default();
-        solve(&mut maps, &start, prior, given, 20, options).unwrap();
+        let noise = Noise { scale: 0.05, huber: 0.02 };
+        solve(&mut maps, &start, prior, given, 20, noise).unwrap();
         maps
     };
     // A single-image estimate has large errors and needs a wide prior.

@@ -2,8 +2,7 @@ use super::*;
 use crate::estimate::coordinates::to_coordinate;
 use crate::observation::{Falloff, View};
 use crate::render::tests::noise;
-use crate::svbrdf::RANGE;
-use std::f32::consts::PI;
+use crate::svbrdf::{RANGE, channel};
 
 pub(crate) fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
     (0..12).map(|_| r()).sum::<f32>() - 6.0
@@ -79,11 +78,6 @@ fn photographs_in(
         .collect()
 }
 
-/// Mean noise of the colours.
-pub(crate) fn mean_noise(summary: &Summary) -> f32 {
-    summary.noise.iter().sum::<f32>() / 3.0
-}
-
 /// A prior with the estimate's true errors as sigmas: root mean squares, at least 0.001, pooled over the
 /// three colours.
 pub(crate) fn prior_of(estimate: &Svbrdf, truth: &Svbrdf) -> Prior {
@@ -110,29 +104,23 @@ pub(crate) fn errors(a: &Svbrdf, b: &Svbrdf) -> [f32; 4] {
 }
 
 const SIGMA: f32 = 0.1;
+const NOISE: Noise = Noise { scale: 0.05, huber: 0.02 };
 
 fn prior() -> Prior {
     Prior { sigma: [SIGMA; CHANNELS] }
 }
 
-/// Maps after `steps` steps from `start`, which is also the prior's mean; their summary; and the loss of the
-/// start.
-fn run_with(
-    prior: &Prior,
-    start: &Svbrdf,
-    photos: &[Observation],
-    steps: usize,
-) -> (Svbrdf, Summary, f64) {
+/// Maps after `steps` steps from `start`, which is also the prior's mean, their loss, and that of the start.
+fn run_with(start: &Svbrdf, photos: &[Observation], steps: usize) -> (Svbrdf, f64, f64) {
     let mut maps = start.clone();
-    let options = &NoiseOptions::default();
-    let summary = solve(&mut maps, start, prior, photos, steps, options).unwrap();
+    let loss = solve(&mut maps, start, &prior(), photos, steps, NOISE).unwrap();
     let mut clamped = start.clone();
     clamped.clamp();
-    (maps, summary, render::loss(&clamped, photos))
+    (maps, loss, render::loss(&clamped, photos))
 }
 
-fn run(start: &Svbrdf, photos: &[Observation]) -> (Svbrdf, Summary, f64) {
-    run_with(&prior(), start, photos, 8)
+fn run(start: &Svbrdf, photos: &[Observation]) -> (Svbrdf, f64, f64) {
+    run_with(start, photos, 8)
 }
 
 /// Five clean photographs: the loss falls by far more than a factor of ten, and the error of every map falls.
@@ -140,64 +128,14 @@ fn run(start: &Svbrdf, photos: &[Observation]) -> (Svbrdf, Summary, f64) {
 fn clean_photographs_are_explained() {
     let truth = truth(32, 1);
     let start = perturbed(&truth, SIGMA, 2);
-    let (maps, summary, before) = run(&start, &photographs(&truth, 5, 0.0, 3));
-    assert!(summary.loss < 0.03 * before, "{summary:?}, {before} before");
+    let (maps, loss, before) = run(&start, &photographs(&truth, 5, 0.0, 3));
+    assert!(loss < 0.03 * before, "{loss}, {before} before");
     let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
     // Slopes and diffuse albedo are determined best.
     let share = [0.45, 0.3, 0.8, 0.8];
     for i in 0..4 {
         assert!(after[i] < share[i] * before[i], "{before:?} {after:?}");
     }
-}
-
-/// The mean absolute value of noise is estimated, whatever was expected. Twelve photographs have 36 residuals
-/// per texel; the texel's nine parameters absorb a share, hence 20 %. Two photographs leave next to no
-/// residuals.
-#[test]
-fn the_scale_of_noise_is_estimated() {
-    let truth = truth(32, 4);
-    let start = perturbed(&truth, SIGMA, 5);
-    let estimated = |count, sigma| {
-        let photographs = photographs(&truth, count, sigma, 6);
-        mean_noise(&run(&start, &photographs).1)
-    };
-    for sigma in [0.02, 0.05] {
-        let (noise, expected) = (estimated(12, sigma), sigma * (2.0 / PI).sqrt());
-        assert!((noise / expected - 1.0).abs() < 0.2, "{noise}, expected {expected}");
-    }
-    assert!(estimated(12, 0.0) < 0.004);
-    let noise = estimated(2, 0.01);
-    assert!((noise / NoiseOptions::default().expected - 1.0).abs() < 0.2, "{noise}");
-}
-
-/// Noise of 1 % in green and 8 % in red and blue. Green alone would leave sqrt(3) = 1.7 times the error of
-/// slopes that 1 % in each colour leaves; equal weights, as far as L1 has them, leave 2.3 times.
-#[test]
-fn a_noisier_colour_counts_less() {
-    let truth = truth(32, 4);
-    let start = perturbed(&truth, SIGMA, 5);
-    let estimated = |sigmas: [f32; 3]| {
-        let mut r = noise(7);
-        let photographs: Vec<_> = photographs(&truth, 12, 0.0, 6)
-            .into_iter()
-            .map(|o| {
-                o.changed(|radiance, _| {
-                    let texels = radiance.len() / 3;
-                    for (i, v) in radiance.iter_mut().enumerate() {
-                        *v *= (sigmas[i / texels] * gauss(&mut r)).exp();
-                    }
-                })
-            })
-            .collect();
-        let (maps, summary, _) = run(&start, &photographs);
-        (errors(&maps, &truth)[0], summary.noise)
-    };
-    let (mixed, noise) = estimated([0.08, 0.01, 0.08]);
-    let (even, _) = estimated([0.01; 3]);
-    for c in [0, 2] {
-        assert!(noise[c] > 2.5 * noise[1], "{noise:?}");
-    }
-    assert!(mixed < 1.9 * even, "{mixed} {even}");
 }
 
 /// Noise of 3 %, two to twenty photographs: every map improves, and more photographs never hurt.
@@ -216,35 +154,13 @@ fn noisy_photographs_improve_every_map() {
     }
 }
 
-/// Slopes that deviate three times as much as the prior expects are estimated as if the prior expected it,
-/// and clearly better than with a fixed sigma.
-#[test]
-fn bumpier_slopes_than_expected_are_estimated() {
-    let truth = truth(32, 13);
-    let mut start = perturbed(&truth, 0.5 * SIGMA, 14);
-    let mut r = noise(15);
-    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-        start.plane_mut(c).iter_mut().for_each(|v| *v += 3.0 * SIGMA * gauss(&mut r));
-    }
-    let photos = photographs(&truth, 5, 0.03, 16);
-    let known = prior_of(&start, &truth);
-    let slopes = |prior: &Prior| errors(&run_with(prior, &start, &photos, 8).0, &truth)[0];
-    let mut narrow = known;
-    narrow.sigma[..2].fill(SIGMA);
-    let (estimated, best) = (slopes(&narrow), slopes(&known));
-    assert!(estimated < 1.1 * best, "{estimated} {best}");
-    // A narrower prior, which cannot widen this far, shows the value of widening.
-    narrow.sigma[..2].fill(SIGMA / MAX_WIDENING);
-    assert!(estimated < 0.8 * slopes(&narrow), "{estimated} {}", slopes(&narrow));
-}
-
 /// One photograph does not determine nine parameters: the others stay at the start.
 #[test]
 fn one_photograph_does_no_harm() {
     let truth = truth(32, 7);
     let start = perturbed(&truth, SIGMA, 8);
-    let (maps, summary, before) = run(&start, &photographs(&truth, 1, 0.03, 9));
-    assert!(summary.loss < 0.1 * before);
+    let (maps, loss, before) = run(&start, &photographs(&truth, 1, 0.03, 9));
+    assert!(loss < 0.1 * before);
     let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
     for i in 0..4 {
         // The errors are means of 1024 random texels, good to about 2 %.
@@ -265,8 +181,8 @@ fn no_nearby_texel_is_more_probable_in(ambient: f32) {
     let truth = truth(8, 10);
     let start = perturbed(&truth, SIGMA, 11);
     let photos = photographs_in(ambient, &truth, 3, 0.03, 12);
-    let (maps, summary, _) = run_with(&prior(), &start, &photos, 40);
-    let huber = f64::from(NoiseOptions::default().huber);
+    let (maps, ..) = run_with(&start, &photos, 40);
+    let Noise { scale, huber } = NOISE;
     let objective = |maps: &Svbrdf, i: usize| {
         let mut sum = 0.0;
         for photo in &photos {
@@ -276,7 +192,7 @@ fn no_nearby_texel_is_more_probable_in(ambient: f32) {
                 let at = c * maps.texels() + i;
                 let (r, o) = (rendered[at] as f64, photo.radiance(c, i) as f64);
                 let residual = crate::loss::log_residual(r, o);
-                sum += crate::loss::huber(residual, huber) / summary.noise[c] as f64;
+                sum += crate::loss::huber(residual, huber.into()) / f64::from(scale);
             }
         }
         for c in 0..CHANNELS {
@@ -316,8 +232,8 @@ fn unseen_texels_keep_the_prior_mean() {
     }
     let mut clamped = start.clone();
     clamped.clamp();
-    let (maps, summary, _) = run(&start, &photos);
-    assert!(summary.loss.is_finite());
+    let (maps, loss, _) = run(&start, &photos);
+    assert!(loss.is_finite());
     for c in 0..CHANNELS {
         for i in 0..maps.texels() {
             let (a, b) = (maps.plane(c)[i], clamped.plane(c)[i]);
@@ -338,9 +254,9 @@ fn explained_saturation_does_not_pull() {
             radiance.iter_mut().filter(|v| **v > 0.4).for_each(|v| *v = -0.4);
         });
     }
-    let (maps, summary, before) = run(&truth, &photos);
+    let (maps, loss, before) = run(&truth, &photos);
     // Radiances err by up to 1/1024, on average by a third of that.
-    assert!(before < 4e-4 && summary.loss < 4e-4, "{summary:?}");
+    assert!(before < 4e-4 && loss < 4e-4, "{loss}");
     let (unclipped, ..) = run(&truth, &photographs(&truth, 4, 0.0, 17));
     let (estimated, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
     // Rounding moves both; clipped photographs determine less.
@@ -355,36 +271,31 @@ fn results_repeat_for_any_number_of_threads() {
     let truth = truth(19, 18);
     let start = perturbed(&truth, SIGMA, 19);
     let photos = photographs(&truth, 3, 0.02, 20);
-    let noise = NoiseOptions::default();
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut maps = start.clone();
-            let mut steps = Solver::new(&mut maps, &photos, &prior(), &noise).unwrap();
+            let mut steps = Solver::new(&mut maps, &photos, &prior(), NOISE).unwrap();
             let mut losses = Vec::new();
             for _ in 0..3 {
                 losses.push(steps.step(&mut maps, &start, &photos).unwrap());
             }
-            (maps, steps.summary(), losses)
+            (maps, losses)
         })
     };
-    let (maps, summary, losses) = run(1);
+    let (maps, losses) = run(1);
     // The step's own sum is the loss of the resulting maps, to single precision.
     let loss = render::loss(&maps, &photos);
-    assert!((summary.loss - loss).abs() < 1e-5 * loss + 1e-6, "{} {loss}", summary.loss);
-    assert!(summary.steps == 3 && losses[2] == summary.loss);
-    let first = (maps, summary, losses);
-    assert_eq!(first, run(3));
+    assert!((losses[2] - loss).abs() < 1e-5 * loss + 1e-6, "{losses:?} {loss}");
+    assert_eq!((maps, losses), run(3));
 }
 
 #[test]
 fn bad_arguments_are_refused() {
     let good = Svbrdf::new(4, 4);
     let photos = photographs(&good, 1, 0.0, 1);
-    let attempt = |mean: &Svbrdf, prior: Prior, photos: &[Observation], expected: f32| {
-        let noise = NoiseOptions { expected, ..NoiseOptions::default() };
-        let options = &noise;
-        solve(&mut good.clone(), mean, &prior, photos, 2, options)
+    let attempt = |mean: &Svbrdf, prior: Prior, photos: &[Observation], scale: f32| {
+        solve(&mut good.clone(), mean, &prior, photos, 2, Noise { scale, ..NOISE })
     };
     assert!(attempt(&good, prior(), &photos, 0.05).is_ok());
     assert!(attempt(&good, prior(), &[], 0.05).is_ok());

@@ -26,7 +26,7 @@ impl Kernel for Random12 {
     fn run<V: Lanes>(self) -> Results {
         let posterior = Posterior {
             observations: &[],
-            noise: [Noise { scale: 0.05, huber: 0.02 }; 3],
+            noise: Noise { scale: 0.05, huber: 0.02 },
             precision: [100.0; CHANNELS],
             lobes: &Svbrdf::new(1, 1),
         };
