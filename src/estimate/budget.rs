@@ -91,24 +91,20 @@ const VISIBLE_LOSS: f64 = 1e-3;
 /// visibly.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Trend {
-    pub every: usize,
     pub steps: usize,
     pub previous: Option<f64>,
 }
 
 impl Trend {
-    /// A trend over `steps` steps, judged after every `every`.
-    pub(crate) fn new(steps: usize, every: usize) -> Self {
-        Self { every, steps, previous: None }
+    /// A trend over `steps` steps.
+    pub(crate) fn new(steps: usize) -> Self {
+        Self { steps, previous: None }
     }
 
     /// Whether no visible gain remains after a step (from 1).
     pub(crate) fn is_flat(&mut self, step: usize, loss: f64) -> bool {
-        if !step.is_multiple_of(self.every) {
-            return false;
-        }
         let gain = self.previous.replace(loss).map(|before| before - loss);
-        let left = self.steps.saturating_sub(step) as f64 / self.every as f64;
+        let left = self.steps.saturating_sub(step) as f64;
         gain.is_some_and(|gain| gain * left < VISIBLE_LOSS)
     }
 }
@@ -139,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_trend_ends_where_further_steps_gain_nothing_visible() {
-        let mut trend = Trend::new(8, 1);
+        let mut trend = Trend::new(8);
         assert!(!trend.is_flat(1, 0.2) && !trend.is_flat(2, 0.1) && trend.is_flat(3, 0.0999));
     }
 }

@@ -1,15 +1,12 @@
 //! Maps and their prior, handed from phase to phase.
 
-use super::finer::Guide;
+use super::finer::interpolated;
 use super::noise::Noise;
 use super::options::{EstimateOptions, JointPrior};
 use super::photographs::Photographs;
 use super::prior::Prior;
 use crate::Svbrdf;
 use crate::observation::Observation;
-
-/// Radius of the guided filter's window, texels, where maps are brought to full size.
-const GUIDE_RADIUS: usize = 2;
 
 /// The maps, and the prior of the solver's next steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,9 +41,8 @@ impl MapState {
         if self.maps.width() >= full {
             return;
         }
-        let guide = Guide::new(photographs, GUIDE_RADIUS);
         for maps in [&mut self.maps, &mut self.mean] {
-            *maps = guide.refined(maps);
+            *maps = interpolated(maps, photographs.stride_log2());
         }
     }
 }

@@ -5,7 +5,7 @@
 //! and roughness. One negative logarithm of a posterior is the model of all phases after the latent code:
 //!
 //! ```text
-//! E(x, m, Λ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ_c      residuals over noise
+//! E(x, m, Λ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ      residuals over noise
 //!                 + Σ texels                     ½ (x − m)ᵀ Λ (x − m)         prior of the texels
 //!                 + priors of the gloss of classes and of the numbers that all texels share
 //!

@@ -30,18 +30,6 @@ impl Noise {
         }
         Err(Error::argument("noise", "scale and huber must be positive numbers"))
     }
-
-    /// Estimated from the mean log-L1 `loss` of a fit. The texels' parameters absorb a part of the noise.
-    /// With few photographs there are hardly more residuals than parameters, and the expected scale
-    /// dominates. `photographs` is their mean number per texel.
-    pub fn estimated(options: &NoiseOptions, loss: f64, photographs: f64) -> Self {
-        let residuals = 3.0 * photographs;
-        let excess = (residuals - options.parameters).max(0.0);
-        let count = (options.parameters - excess).max(options.min_belief);
-        let estimate = (count * options.expected as f64 + residuals * loss) / (count + excess);
-        let scale = estimate as f32;
-        Self { scale, huber: (options.huber_by_noise * scale).min(options.huber) }
-    }
 }
 
 impl NoiseOptions {

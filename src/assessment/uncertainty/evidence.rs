@@ -5,7 +5,6 @@ use std::ops::Range;
 use super::calibration::{CALIBRATION, TERMS};
 use crate::estimate::coordinates::is_albedo;
 use crate::estimate::{EstimatedLobes, Estimation, Noise, Spread, spread};
-use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, channel, lobe};
@@ -123,15 +122,14 @@ impl Estimation {
         })
     }
 
-    /// Noise of the residuals.
+    /// Noise of the residuals: the expected one, or the residuals of maps that explain the photographs worse.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
         if self.is_joint() {
             return Noise::of_model(self.options.joint.two_photographs.noise as f32);
         }
-        let photographs = self.photographs.full();
-        let weight: f64 = photographs.iter().map(Observation::total_weight).sum();
-        let loss = render::loss(maps, photographs);
-        Noise::estimated(&self.options.noise, loss, weight / maps.texels() as f64)
+        let expected = Noise::expected(&self.options.noise);
+        let loss = render::loss(maps, self.photographs.full()) as f32;
+        Noise { scale: expected.scale.max(loss), ..expected }
     }
 }
 

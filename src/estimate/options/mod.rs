@@ -86,8 +86,7 @@ impl Default for ScheduleOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseOptions {
-    /// Expected scale, mean of absolute log residuals, of noise and errors of the model: the initial
-    /// estimate. Positive. Tuned.
+    /// Expected scale, mean of absolute log residuals, of noise and errors of the model. Positive. Tuned.
     pub expected: f32,
     /// Standard deviation of the logarithm of a board's squares up to which `expected` holds. Tuned.
     pub squares: f32,
@@ -97,26 +96,11 @@ pub struct NoiseOptions {
     pub most_expected: f32,
     /// Largest log residual with a quadratic loss. Positive. Tuned.
     pub huber: f32,
-    /// The same relative to the estimated noise. Tuned.
-    pub huber_by_noise: f32,
-    /// Residuals of a texel that its nine parameters absorb; the prior constrains the other three. Tuned.
-    pub parameters: f64,
-    /// Least number of residuals of a texel that the expected scale counts as. Tuned.
-    pub min_belief: f64,
 }
 
 impl Default for NoiseOptions {
     fn default() -> Self {
-        Self {
-            expected: 0.05,
-            squares: 0.0015,
-            growth: 3.0,
-            most_expected: 1.5,
-            huber: 0.02,
-            huber_by_noise: 3.0,
-            parameters: 6.0,
-            min_belief: 0.5,
-        }
+        Self { expected: 0.05, squares: 0.0015, growth: 3.0, most_expected: 1.5, huber: 0.02 }
     }
 }
 

@@ -21,7 +21,7 @@ pub(super) struct Steps {
 
 impl Steps {
     pub fn new(steps: usize, may_end: bool) -> Self {
-        Self { solver: None, trend: Trend::new(steps, 1), steps, may_end }
+        Self { solver: None, trend: Trend::new(steps), steps, may_end }
     }
 
     pub fn taken(&self) -> usize {
