@@ -13,9 +13,9 @@
 //! ```
 //!
 //! The renderer is `R` ([`crate::render`]). Photograph `i` has radiance `I`, weight `w` (foreshortening and
-//! validity; one-sided where saturated) and view `v` (camera, light, ambient light). Each colour has noise
-//! `σ`. The latent code minimises the mean of `|r|` alone. The relief phase holds `x` to the latent maps,
-//! with `σ` from the residuals. The joint solve and the last steps hold `x` to
+//! validity; one-sided where saturated) and view `v` (camera, light, ambient light). The latent code minimises
+//! the mean of `|r|`. The relief phase holds `x` to the latent maps, with the expected noise `σ`. The joint
+//! solve and the last steps hold `x` to
 //!
 //! ```text
 //! m = learned slopes  +  gloss of classes  +  colour of the photographs       joint/
