@@ -1,9 +1,8 @@
 //! Helpers of unit tests: numbers, a material, views, and photographs of known maps.
 
 use crate::Svbrdf;
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Observation, View};
 use crate::render::render;
-use std::f32::consts::PI;
 
 #[path = "../tests/common/picture.rs"]
 mod picture;
@@ -44,14 +43,7 @@ pub(crate) fn two_tones(side: usize) -> Svbrdf {
 /// A sample of 100 mm per side, seen and lit from one point (mm), with uniform irradiance and no
 /// ambient light.
 pub(crate) fn view_from(at: [f32; 3]) -> View {
-    View {
-        sample_mm: [100.0; 2],
-        camera_mm: at,
-        light_mm: at,
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    }
+    View { sample_mm: [100.0; 2], camera_mm: at, light_mm: at, ..View::default() }
 }
 
 /// An exact, unsaturated photograph of known maps.
