@@ -68,7 +68,7 @@ fn observe(maps: &Svbrdf, i: usize) -> Observation {
         light_mm,
         falloff,
         ambient: [0.01; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut radiance = vec![0.0; 3 * maps.texels()];
     render::render(maps, &view, &mut radiance);

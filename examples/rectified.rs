@@ -26,8 +26,7 @@ fn pixels(maps: &Svbrdf, mm: [f32; 3]) -> Vec<f32> {
         camera_mm: mm,
         light_mm: mm,
         falloff: FALLOFF,
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut planes = vec![0.0; 3 * maps.texels()];
     render(maps, &view, &mut planes);

@@ -17,7 +17,7 @@
  * the size of the struct. Programs therefore work with newer libraries, and with older ones as long
  * as they set no field that those do not know.
  *
- * Handles are numbers in the form of pointers. A destroyed, NULL or foreign handle is answered with
+ * Handles are numbers in the form of pointers. For a destroyed, NULL or foreign handle, a call returns
  * SVBRDF_INVALID_HANDLE; no number is given out twice.
  *
  * Threads: call any function from any thread at any time, several at once, with the same handles.
@@ -65,7 +65,7 @@
 #define SVBRDF_FEATURE_FILES 8
 
 /** Bytes of the texts in svbrdf_file_info, with the NUL at the end. */
-#define SVBRDF_TEXT 64
+#define SVBRDF_FILE_TEXT_BYTES 64
 
 /** Bytes of svbrdf_photo_report.advice. */
 #define SVBRDF_ADVICE_BYTES 256
@@ -653,6 +653,10 @@ typedef uint32_t svbrdf_rejection;
 #define SVBRDF_REJECTION_OTHER_CAMERA 15
 /** The board's squares are too small. */
 #define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
+/** Bright and dark stripes run across the photo: the light flickers. */
+#define SVBRDF_REJECTION_FLICKERS 17
+/** The contrast of the photo was changed: black is not as dark as printed. */
+#define SVBRDF_REJECTION_EDITED 18
 
 /**
  * Hints about an accepted photo: bits. Bits may be added; svbrdf_photo_report.advice has words for
@@ -694,6 +698,10 @@ typedef uint32_t svbrdf_measure;
 #define SVBRDF_MEASURE_FOCAL_RATIO 8
 /** Side of the board's squares, px. The limit is the side needed. */
 #define SVBRDF_MEASURE_SQUARE_PX 9
+/** Relative amplitude of the stripes. */
+#define SVBRDF_MEASURE_STRIPES 10
+/** Value of the black squares over that of white. The limit is the ratio as printed. */
+#define SVBRDF_MEASURE_OVER_WHITE 11
 
 /** Outcome of a photo. */
 typedef struct svbrdf_photo_report {
@@ -885,13 +893,13 @@ typedef struct svbrdf_file_info {
      * Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
      * zoom or size need sessions, or cameras, of their own.
      */
-    char make[SVBRDF_TEXT];
+    char make[SVBRDF_FILE_TEXT_BYTES];
     /** Model of the camera. */
-    char model[SVBRDF_TEXT];
+    char model[SVBRDF_FILE_TEXT_BYTES];
     /** Lens. */
-    char lens[SVBRDF_TEXT];
+    char lens[SVBRDF_FILE_TEXT_BYTES];
     /** Time of the photo: text that sorts by time. */
-    char taken[SVBRDF_TEXT];
+    char taken[SVBRDF_FILE_TEXT_BYTES];
 } svbrdf_file_info;
 
 /** Fills a result with defaults: pass sizeof(svbrdf_file_info). */
@@ -1343,17 +1351,17 @@ typedef uint32_t svbrdf_map;
 /** Layout of a map's texels. Numbers of more than a byte are in the machine's byte order. */
 typedef uint32_t svbrdf_map_format;
 
-/** Floats: three a texel, one for the roughness of lobe or sheen. */
+/** Floats: three channels, or one for SVBRDF_MAP_ROUGHNESS and SVBRDF_MAP_SHEEN_ROUGHNESS. */
 #define SVBRDF_MAP_FORMAT_F32 1
 /** Three bytes a texel. */
 #define SVBRDF_MAP_FORMAT_RGB8 2
 /** Four bytes a texel, the fourth 255. */
 #define SVBRDF_MAP_FORMAT_RGBA8 3
-/** One byte a texel, for the roughness of lobe or sheen. */
+/** Bytes: one channel, for SVBRDF_MAP_ROUGHNESS and SVBRDF_MAP_SHEEN_ROUGHNESS. */
 #define SVBRDF_MAP_FORMAT_R8 4
 /**
  * Four half floats a texel, the fourth 1. Roughness: 1 (occlusion), roughness, 0 (metalness).
- * Beyond 65504, the largest half float, values are that.
+ * Values beyond 65504, the largest half float, are clamped.
  */
 #define SVBRDF_MAP_FORMAT_RGBA16F 5
 /** Four floats a texel, the fourth 1. Roughness as in SVBRDF_MAP_FORMAT_RGBA16F. */
@@ -1473,7 +1481,7 @@ svbrdf_status svbrdf_maps_render(const struct svbrdf_maps *maps,
 /** Frees maps and every view of them; NULL is fine. */
 svbrdf_status svbrdf_maps_destroy(struct svbrdf_maps *maps);
 
-/* How far maps may be off --------------------------------------------------------------------- */
+/* Uncertainty --------------------------------------------------------------------------------- */
 
 /**
  * The current maps with the standard deviation of each at every texel; svbrdf_maps_export() writes
@@ -1489,13 +1497,13 @@ svbrdf_status svbrdf_session_snapshot_with_uncertainty(const struct svbrdf_sessi
 typedef struct svbrdf_uncertainty {
     /** Size of this struct. */
     size_t size;
-    /** Of each slope of the normal: tangent of a tilt. */
+    /** Standard deviation of each slope of the normal: tangent of a tilt. */
     float normal;
-    /** Of each colour of the diffuse albedo, linear. */
+    /** Standard deviation of each colour of the diffuse albedo, linear. */
     float diffuse;
-    /** Of each colour of the specular albedo, linear. */
+    /** Standard deviation of each colour of the specular albedo, linear. */
     float specular;
-    /** Of roughness. */
+    /** Standard deviation of roughness. */
     float roughness;
 } svbrdf_uncertainty;
 

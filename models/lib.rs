@@ -11,7 +11,5 @@ pub const DECODER: &[u8] = include_bytes!("decoder.bin");
 pub const ENCODER: &[u8] = include_bytes!("encoder.onnx");
 /// One flash photograph and its geometry to encoded maps: an ONNX graph.
 pub const PHOTO: &[u8] = include_bytes!("photo.onnx");
-/// What a fit knows to how far the mean of its prior should move: an ONNX graph.
+/// Completion network: maps, prior and covariance of a fit to a shift of the maps; ONNX.
 pub const COMPLETION: &[u8] = include_bytes!("completion.onnx");
-/// Checksums, sizes, training and materials by licence of each network, as JSON.
-pub const MANIFEST: &str = include_str!("manifest.json");

@@ -5,7 +5,7 @@
 //! is a value, `-v < 0` says "at least `v`". A rendering above a saturated measurement explains it,
 //! so it costs nothing and has no derivative.
 
-use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::simd::Lanes;
 
 /// Offset inside the logarithm: differences below it (in radiance) count little.
 pub const EPSILON: f32 = 0.01;
@@ -25,39 +25,23 @@ pub fn log_l1(rendered: f64, observed: f64) -> f64 {
 
 /// Derivative of [`log_l1`] by the rendering; 0 where both agree or the rendering explains a
 /// saturated measurement.
-pub fn log_l1_derivative(rendered: f64, observed: f64) -> f64 {
+#[cfg(test)]
+pub(crate) fn log_l1_derivative(rendered: f64, observed: f64) -> f64 {
     let residual = log_residual(rendered, observed);
     if residual == 0.0 { 0.0 } else { residual.signum() / (rendered + EPSILON as f64) }
 }
 
-/// Replaces radiances by `ln(max(x, 0) + 0.01)`, to within 2e-7 of `max(1, |ln|)`.
-pub fn to_logarithms(radiances: &mut [f32]) {
-    dispatch(Logarithms(radiances));
-}
-
-struct Logarithms<'a>(&'a mut [f32]);
-
-impl Kernel for Logarithms<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        for part in self.0.chunks_mut(LANES) {
-            let radiance = V::load(part, 0.0).max(V::splat(0.0));
-            (radiance + V::splat(EPSILON)).ln().store(part);
-        }
-    }
-}
-
 /// Huber's function, `r² / (2 threshold)` near zero and `|r| - threshold / 2` beyond: L1 with a
 /// rounded corner, so that second-order methods converge.
-pub fn huber(residual: f64, threshold: f64) -> f64 {
+#[cfg(test)]
+pub(crate) fn huber(residual: f64, threshold: f64) -> f64 {
     let a = residual.abs();
     if a > threshold { a - 0.5 * threshold } else { 0.5 * a * a / threshold }
 }
 
 /// Weight of a squared residual in iteratively reweighted least squares that minimises [`huber`].
-pub fn huber_weight(residual: f64, threshold: f64) -> f64 {
+#[cfg(test)]
+pub(crate) fn huber_weight(residual: f64, threshold: f64) -> f64 {
     residual.abs().max(threshold).recip()
 }
 
@@ -110,6 +94,7 @@ impl<V: Lanes> OffsetPair<V> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::{Kernel, LANES, dispatch};
 
     #[test]
     fn derivative_matches_finite_differences_off_the_corner() {
@@ -132,20 +117,6 @@ mod tests {
         assert_eq!(log_l1_derivative(1.3, -1.0), 0.0);
         assert!(log_l1(0.7, -1.0) > 0.3);
         assert!(log_l1_derivative(0.7, -1.0) < 0.0);
-    }
-
-    #[test]
-    fn logarithms_are_those_of_the_loss() {
-        // The length is no multiple of the lanes. Negative radiances count as zero.
-        let radiances: Vec<f32> = (0..1003).map(|i| 1e-4 * 1.02f32.powi(i) - 0.01).collect();
-        let mut logs = radiances.clone();
-        to_logarithms(&mut logs);
-        for (&x, &log) in radiances.iter().zip(&logs) {
-            let want = (f64::from(x.max(0.0)) + f64::from(EPSILON)).ln();
-            // the sum's rounding, and the logarithm's own error
-            let error = (f64::from(log) - want).abs();
-            assert!(error < 3e-7 * want.abs().max(1.0), "{x}: {log}, {want}");
-        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A rectified photograph: radiance of every texel seen from above, with the geometry of camera and light.
 
 use serde::{Deserialize, Serialize};
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 use half::f16;
@@ -46,6 +47,22 @@ pub struct View {
     pub ambient: [f32; 3],
     /// Radiance of the surroundings in the mirror direction over their mean; 1 if they are uniform.
     pub mirrored: f32,
+}
+
+impl Default for View {
+    /// A sample of 100 x 100 mm, seen and lit from 300 mm above its centre: uniform irradiance pi, no ambient light.
+    fn default() -> Self {
+        let (camera_mm, light_mm) = ([0.0, 0.0, 300.0], [0.0, 0.0, 300.0]);
+        let falloff = Falloff::None { power: [PI; 3] };
+        Self {
+            sample_mm: [100.0; 2],
+            camera_mm,
+            light_mm,
+            falloff,
+            ambient: [0.0; 3],
+            mirrored: 1.0,
+        }
+    }
 }
 
 impl View {

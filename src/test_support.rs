@@ -1,9 +1,10 @@
 //! Helpers of unit tests: numbers, a material, views, and photographs of known maps.
 
 use crate::Svbrdf;
-use crate::observation::{Falloff, Observation, View};
+use crate::geometry::Pose;
+use crate::observation::{Observation, View};
 use crate::render::render;
-use std::f32::consts::PI;
+use glam::{DMat3, DVec3};
 
 #[path = "../tests/common/picture.rs"]
 mod picture;
@@ -22,6 +23,16 @@ pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// A camera tilted by `tilt` towards `azimuth` and rolled, `distance` mm from the board near its centre; radians.
+pub(crate) fn pose(tilt: f64, azimuth: f64, roll: f64, distance: f64) -> Pose {
+    let facing = DMat3::from_rotation_x(std::f64::consts::PI);
+    let axis = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
+    Pose {
+        rotation: DMat3::from_axis_angle(axis, tilt) * DMat3::from_rotation_z(roll) * facing,
+        translation: DVec3::new(6.0, -4.0, distance),
     }
 }
 
@@ -44,14 +55,7 @@ pub(crate) fn two_tones(side: usize) -> Svbrdf {
 /// A sample of 100 mm per side, seen and lit from one point (mm), with uniform irradiance and no
 /// ambient light.
 pub(crate) fn view_from(at: [f32; 3]) -> View {
-    View {
-        sample_mm: [100.0; 2],
-        camera_mm: at,
-        light_mm: at,
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    }
+    View { sample_mm: [100.0; 2], camera_mm: at, light_mm: at, ..View::default() }
 }
 
 /// An exact, unsaturated photograph of known maps.

@@ -26,27 +26,27 @@ pub struct Uncertainty {
 /// One number for each map; `None` for absent lobes.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct MapDeviations {
-    /// Of each slope of the normal.
+    /// Standard deviation of each slope of the normal.
     pub normal: f32,
-    /// Of each colour of the diffuse albedo, linear.
+    /// Standard deviation of each colour of the diffuse albedo, linear.
     pub diffuse: f32,
-    /// Of each colour of the specular albedo, linear.
+    /// Standard deviation of each colour of the specular albedo, linear.
     pub specular: f32,
-    /// Of roughness.
+    /// Standard deviation of roughness.
     pub roughness: f32,
-    /// Of each number of anisotropy, [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`].
+    /// Standard deviation of each number of anisotropy, [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub anisotropy: Option<f32>,
-    /// Of the weight of the coat.
+    /// Standard deviation of the weight of the coat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coat: Option<f32>,
-    /// Of the roughness of the coat.
+    /// Standard deviation of the roughness of the coat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coat_roughness: Option<f32>,
-    /// Of each colour of the sheen, linear.
+    /// Standard deviation of each colour of the sheen, linear.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheen: Option<f32>,
-    /// Of the roughness of the sheen.
+    /// Standard deviation of the roughness of the sheen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheen_roughness: Option<f32>,
 }

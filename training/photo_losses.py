@@ -1,9 +1,9 @@
 """Losses of the photo network, of encoded maps [B, 9, H, W] against the truth.
 
-What a photograph does not tell, a network answers with the middle of what it may
-be. An absolute difference asks for the median, which for relief is next to flat;
-a square for the mean. So slopes and shading are compared by squares, and how
-much relief there is near a texel is compared as such, wherever the network puts it.
+Where the photograph does not decide, a regression network answers with the mean;
+with absolute differences, with the median, which for relief is nearly flat. So
+slopes and shading are compared by squares, and how much relief there is near a
+texel is compared as such, wherever the network puts it.
 """
 
 import math

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 use svbrdf::capture::Capture;
 use svbrdf::export::{MapsOptions, write_maps};
 use svbrdf::geometry::Pose;
-use svbrdf::observation::{Falloff, View};
+use svbrdf::observation::View;
 use svbrdf::session::Scene;
 use svbrdf::svbrdf::channel;
 
@@ -29,9 +29,7 @@ fn render_writes_what_the_library_renders() {
         sample_mm: [100.0, 100.0],
         camera_mm: [0.0, 0.0, 300.0],
         light_mm: [-60.0, 20.0, 200.0],
-        falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut rgb = vec![0.0; 3 * 256];
     svbrdf::render::render(&maps, &view, &mut rgb);

@@ -5,7 +5,7 @@ use engine::session::Budget;
 use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Limits of the work on each photo. At a limit the fit settles on the current maps. Each photo
 /// has the full budget; pauses do not count. Default: no limits.
@@ -24,17 +24,7 @@ pub struct svbrdf_budget {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_budget {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            seconds: -1.0,
-            max_steps: 0,
-            stop_when_invisible: 0,
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_budget { seconds: -1.0 });
 versioned!(svbrdf_budget, size_of::<svbrdf_budget>());
 
 /// Fills a budget with defaults: pass sizeof(svbrdf_budget).

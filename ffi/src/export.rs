@@ -9,7 +9,7 @@ use crate::handles::Handles;
 use crate::log;
 use crate::maps::{self, folder, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Exported files in memory; independent of the maps.
 pub struct svbrdf_package {
@@ -49,20 +49,7 @@ pub struct svbrdf_export_options {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_export_options {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            formats: std::ptr::null(),
-            metallic: 0,
-            tile: 0,
-            texture: SVBRDF_TEXTURE_PNG8,
-            max_size: 0,
-            photos: 0,
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_export_options { texture: SVBRDF_TEXTURE_PNG8 });
 versioned!(svbrdf_export_options, size_of::<svbrdf_export_options>());
 
 /// Fills options with defaults: pass sizeof(svbrdf_export_options).

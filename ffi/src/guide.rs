@@ -12,7 +12,7 @@ use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
 use crate::probe::{self, svbrdf_probe};
 use crate::reports::{SVBRDF_ADVICE_BYTES, text};
 use crate::status::{entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// The user's next action: one of SVBRDF_ACTION_.
 pub type svbrdf_action = u32;
@@ -117,23 +117,7 @@ pub struct svbrdf_guidance {
     pub message: [c_char; SVBRDF_ADVICE_BYTES],
 }
 
-impl Default for svbrdf_guidance {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            action: 0,
-            photos: 0,
-            has_target: 0,
-            target_tilt_deg: 0.0,
-            target_azimuth_deg: 0.0,
-            offset_mm: [0.0; 3],
-            degrees: 0.0,
-            gain: -1.0,
-            best_gain: -1.0,
-            message: [0; SVBRDF_ADVICE_BYTES],
-        }
-    }
-}
+defaults!(svbrdf_guidance { gain: -1.0, best_gain: -1.0 });
 versioned!(svbrdf_guidance, size_of::<svbrdf_guidance>());
 
 impl svbrdf_guidance {

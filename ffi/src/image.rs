@@ -8,7 +8,7 @@ use engine::photo::{
 };
 
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Layout of an image in memory. 16-bit numbers and floats are in the machine's byte order.
 pub type svbrdf_pixel_format = u32;
@@ -139,29 +139,16 @@ pub struct svbrdf_image {
     pub primaries: svbrdf_primaries,
 }
 
-impl Default for svbrdf_image {
-    fn default() -> Self {
-        let none =
-            svbrdf_plane { data: std::ptr::null(), bytes: 0, row_stride: 0, pixel_stride: 0 };
-        Self {
-            size: size_of::<Self>(),
-            format: 0,
-            width: 0,
-            height: 0,
-            transfer: SVBRDF_TRANSFER_SRGB,
-            rotation: 0,
-            yuv_matrix: SVBRDF_YUV_BT601_FULL,
-            planes: [none; 3],
-            saturation: f32::INFINITY,
-            bayer_pattern: SVBRDF_BAYER_RGGB,
-            black_level: [0.0; 4],
-            white_level: 65535.0,
-            white_balance: [1.0; 3],
-            color_matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            primaries: SVBRDF_PRIMARIES_REC709,
-        }
-    }
-}
+defaults!(svbrdf_image {
+    transfer: SVBRDF_TRANSFER_SRGB,
+    yuv_matrix: SVBRDF_YUV_BT601_FULL,
+    saturation: f32::INFINITY,
+    bayer_pattern: SVBRDF_BAYER_RGGB,
+    white_level: 65535.0,
+    white_balance: [1.0; 3],
+    color_matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+    primaries: SVBRDF_PRIMARIES_REC709,
+});
 versioned!(svbrdf_image, size_of::<svbrdf_image>());
 
 /// Fills an image description with defaults: pass sizeof(svbrdf_image).

@@ -6,15 +6,15 @@ use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
 use engine::export::{MapsOptions, write_maps, write_preview};
+use engine::svbrdf::gltf::{self, Shown};
 use engine::svbrdf::lobe;
 use engine::uncertainty::Uncertainty;
 
 use crate::handles::Handles;
-use crate::lobes::{self, Shown};
 use crate::status::{Fault, SVBRDF_NO_LOBE, entry, svbrdf_status};
 use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Maps as they were when svbrdf_session_snapshot_maps() was called. They do not need the session.
 pub struct svbrdf_maps {
@@ -81,20 +81,7 @@ pub struct svbrdf_map_view {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_map_view {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            data: std::ptr::null(),
-            bytes: 0,
-            row_stride: 0,
-            width: 0,
-            height: 0,
-            channels: 0,
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_map_view {});
 versioned!(svbrdf_map_view, size_of::<svbrdf_map_view>());
 
 /// Fills a view with defaults: pass sizeof(svbrdf_map_view).
@@ -273,24 +260,24 @@ impl Picture for MapPicture<'_> {
             }
             SVBRDF_MAP_ROUGHNESS => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    *out = [1.0, lobes::roughness(maps, texel), 0.0, 1.0];
+                    *out = [1.0, gltf::roughness(maps, texel), 0.0, 1.0];
                 }
             }
             SVBRDF_MAP_ANISOTROPY => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    let [cos, sin, strength] = lobes::anisotropy(maps, self.mean_angle, texel);
+                    let [cos, sin, strength] = gltf::anisotropy(maps, self.mean_angle, texel);
                     *out = [cos, sin, strength, 1.0];
                 }
             }
             SVBRDF_MAP_COAT => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    let [weight, roughness] = lobes::coat(maps, texel);
+                    let [weight, roughness] = gltf::coat(maps, texel);
                     *out = [weight, roughness, 0.0, 1.0];
                 }
             }
             SVBRDF_MAP_SHEEN | SVBRDF_MAP_SHEEN_ROUGHNESS => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    let [r, g, b, roughness] = lobes::sheen(maps, texel);
+                    let [r, g, b, roughness] = gltf::sheen(maps, texel);
                     let colour = self.map == SVBRDF_MAP_SHEEN;
                     *out = if colour {
                         [r, g, b, 1.0]

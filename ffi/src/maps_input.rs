@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use engine::Svbrdf;
-use engine::svbrdf::{CHANNELS, MAX_SLOPE};
+use engine::svbrdf::{CHANNELS, MAX_SLOPE, gltf};
 
-use crate::lobes_input;
 use crate::maps::{self, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Longest side of maps that are taken, texels: that of maps that are read.
 const MAX_SIDE: u32 = 4096;
@@ -45,25 +44,7 @@ pub struct svbrdf_maps_input {
     pub sheen_roughness: *const f32,
 }
 
-impl Default for svbrdf_maps_input {
-    fn default() -> Self {
-        let none = std::ptr::null();
-        Self {
-            size: size_of::<Self>(),
-            width: 0,
-            height: 0,
-            sample_mm: [100.0; 2],
-            normal: none,
-            diffuse: none,
-            specular: none,
-            roughness: none,
-            anisotropy: none,
-            coat: none,
-            sheen: none,
-            sheen_roughness: none,
-        }
-    }
-}
+defaults!(svbrdf_maps_input { sample_mm: [100.0; 2] });
 versioned!(svbrdf_maps_input, size_of::<svbrdf_maps_input>());
 
 /// Fills values with defaults: pass sizeof(svbrdf_maps_input).
@@ -82,7 +63,7 @@ pub unsafe extern "C" fn svbrdf_maps_input_init(
 /// Copies a caller's texels of `CHANNELS` floats from `low` to `high`.
 ///
 /// # Safety
-/// NULL, or so many readable texels.
+/// `data` is NULL or has `count` readable texels.
 unsafe fn texels<const CHANNELS: usize>(
     name: &str,
     data: *const f32,
@@ -148,13 +129,6 @@ impl svbrdf_maps_input {
         // SAFETY: as above.
         let (anisotropy, coat, sheen) =
             unsafe { (self.anisotropy(n)?, self.coat(n)?, self.sheen(n)?) };
-        let coat = coat.map(|texels| texels.into_iter().map(|[weight, r, _]| [weight, r]));
-        let (roughness, lobes) = lobes_input::planes(
-            roughness.into_flattened(),
-            anisotropy.map(Vec::into_iter),
-            coat,
-            sheen.map(Vec::into_iter),
-        );
         let mut planes = Vec::with_capacity(CHANNELS * n);
         for axis in 0..2 {
             let slopes = normal.iter().map(|n| (n[axis] / n[2]).clamp(-MAX_SLOPE, MAX_SLOPE));
@@ -165,9 +139,11 @@ impl svbrdf_maps_input {
                 planes.extend(colours.iter().map(|rgb| rgb[c]));
             }
         }
-        planes.extend(roughness);
+        planes.extend(roughness.as_flattened());
         let mut maps = Svbrdf::from_planes(width, height, planes)?;
-        maps.set_lobes(lobes)?;
+        let coat = coat.map(|texels| texels.into_iter().map(|[weight, r, _]| [weight, r]));
+        let (anisotropy, sheen) = (anisotropy.map(Vec::into_iter), sheen.map(Vec::into_iter));
+        gltf::add_lobes(&mut maps, anisotropy, coat, sheen)?;
         Ok(maps)
     }
 

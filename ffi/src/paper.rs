@@ -3,7 +3,7 @@
 use engine::session::Session;
 
 use crate::status::{entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// The printed sheet and the sample on it, as used. The print is as planned and the sample lies in the
 /// board's plane, unless two or more photos clearly contradict that.
@@ -31,21 +31,7 @@ pub struct svbrdf_paper {
     pub elevation_sigma_mm: f64,
 }
 
-impl Default for svbrdf_paper {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            known: 0,
-            reserved: 0,
-            aspect: 1.0,
-            aspect_sigma: 0.0,
-            bow_mm: [0.0; 2],
-            bow_sigma_mm: [0.0; 2],
-            elevation_mm: 0.0,
-            elevation_sigma_mm: 0.0,
-        }
-    }
-}
+defaults!(svbrdf_paper { aspect: 1.0 });
 versioned!(svbrdf_paper, size_of::<svbrdf_paper>());
 
 impl svbrdf_paper {

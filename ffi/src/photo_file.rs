@@ -8,11 +8,11 @@ use engine::Rejection;
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_transfer;
 use crate::live::act;
-use crate::options::{SVBRDF_FLASH_OFF, SVBRDF_FLASH_UNKNOWN, svbrdf_flash};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_flash};
 use crate::reports::svbrdf_photo_report;
 use crate::session::tell;
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Remarks about a file: an OR of SVBRDF_REMARK_ values. Some may be added.
 pub type svbrdf_remarks = u32;
@@ -32,7 +32,7 @@ pub const SVBRDF_REMARK_END_MISSING: svbrdf_remarks = 32;
 pub const SVBRDF_REMARK_GRAY: svbrdf_remarks = 64;
 
 /// Bytes of the texts in svbrdf_file_info, with the NUL at the end.
-pub const SVBRDF_TEXT: usize = 64;
+pub const SVBRDF_FILE_TEXT_BYTES: usize = 64;
 
 /// Options of reading a file.
 #[repr(C)]
@@ -60,20 +60,7 @@ pub struct svbrdf_file_options {
     pub max_bytes: u64,
 }
 
-impl Default for svbrdf_file_options {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            exposure: 0.0,
-            transfer: 0,
-            rotation: 0,
-            flash: SVBRDF_FLASH_UNKNOWN,
-            timestamp_ns: 0,
-            max_pixels: 0,
-            max_bytes: 0,
-        }
-    }
-}
+defaults!(svbrdf_file_options {});
 versioned!(svbrdf_file_options, size_of::<svbrdf_file_options>());
 
 /// Fills options with defaults: pass sizeof(svbrdf_file_options).
@@ -118,35 +105,16 @@ pub struct svbrdf_file_info {
     pub remarks: svbrdf_remarks,
     /// Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
     /// zoom or size need sessions, or cameras, of their own.
-    pub make: [c_char; SVBRDF_TEXT],
+    pub make: [c_char; SVBRDF_FILE_TEXT_BYTES],
     /// Model of the camera.
-    pub model: [c_char; SVBRDF_TEXT],
+    pub model: [c_char; SVBRDF_FILE_TEXT_BYTES],
     /// Lens.
-    pub lens: [c_char; SVBRDF_TEXT],
+    pub lens: [c_char; SVBRDF_FILE_TEXT_BYTES],
     /// Time of the photo: text that sorts by time.
-    pub taken: [c_char; SVBRDF_TEXT],
+    pub taken: [c_char; SVBRDF_FILE_TEXT_BYTES],
 }
 
-impl Default for svbrdf_file_info {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            width: 0,
-            height: 0,
-            upright_deg: 0,
-            is_linear: 0,
-            exposure: 0.0,
-            focal_mm: 0.0,
-            focal_35mm: 0.0,
-            digital_zoom: 1.0,
-            remarks: 0,
-            make: [0; SVBRDF_TEXT],
-            model: [0; SVBRDF_TEXT],
-            lens: [0; SVBRDF_TEXT],
-            taken: [0; SVBRDF_TEXT],
-        }
-    }
-}
+defaults!(svbrdf_file_info { digital_zoom: 1.0 });
 versioned!(svbrdf_file_info, size_of::<svbrdf_file_info>());
 
 /// Fills a result with defaults: pass sizeof(svbrdf_file_info).

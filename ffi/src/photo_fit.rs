@@ -7,7 +7,7 @@ use engine::session::PhotoFit;
 use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Fit of the current maps to an accepted photo.
 #[repr(C)]
@@ -35,20 +35,7 @@ pub struct svbrdf_photo_fit {
     pub part_ratio: f32,
 }
 
-impl Default for svbrdf_photo_fit {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            residual: 0.0,
-            weight: 0.0,
-            outlier: 0,
-            reserved: 0,
-            part_share: 0.0,
-            part_centre: [0.0; 2],
-            part_ratio: 0.0,
-        }
-    }
-}
+defaults!(svbrdf_photo_fit {});
 versioned!(svbrdf_photo_fit, offset_of!(svbrdf_photo_fit, part_share));
 
 impl svbrdf_photo_fit {

@@ -2,18 +2,18 @@
 
 use std::ffi::c_char;
 
-use engine::session::{Hint, Probe};
+use engine::session::Probe;
 
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::act;
 use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
 use crate::reports::{
-    SVBRDF_ADVICE_BYTES, SVBRDF_MEASURE_NONE, SVBRDF_REJECTION_NONE, hint_bits, measured,
-    rejection_code, svbrdf_hints, svbrdf_measure, svbrdf_rejection, text, words,
+    SVBRDF_ADVICE_BYTES, hint_fields, measured, rejection_code, svbrdf_hints, svbrdf_measure,
+    svbrdf_rejection, text, words,
 };
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// The verdict on a photo or preview image that is not added; see svbrdf_session_probe(). Lengths
 /// in px belong to the image as given, after svbrdf_image.rotation.
@@ -92,45 +92,18 @@ pub struct svbrdf_probe {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_probe {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            acceptable: 0,
-            rejection: SVBRDF_REJECTION_NONE,
-            hints: 0,
-            same_view_as: -1,
-            corners_found: 0,
-            corners_in_view: 0,
-            corners_expected: 0,
-            has_pose: 0,
-            rotation: [0.0; 9],
-            translation_mm: [0.0; 3],
-            reprojection_rms_px: 0.0,
-            distance_mm: 0.0,
-            tilt_deg: 0.0,
-            azimuth_deg: 0.0,
-            off_next_deg: -1.0,
-            sample_seen: -1.0,
-            sample_clipped: -1.0,
-            sample_px: [f32::NAN; 8],
-            px_per_mm: 0.0,
-            blur_px: -1.0,
-            blur_direction_deg: -1.0,
-            white_level: -1.0,
-            white_clipped: -1.0,
-            over_white: -1.0,
-            measure: SVBRDF_MEASURE_NONE,
-            measured: 0.0,
-            limit: 0.0,
-            timestamp_ns: 0,
-            advice: [0; SVBRDF_ADVICE_BYTES],
-            corners_px: std::ptr::null_mut(),
-            corners_capacity: 0,
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_probe {
+    same_view_as: -1,
+    off_next_deg: -1.0,
+    sample_seen: -1.0,
+    sample_clipped: -1.0,
+    sample_px: [f32::NAN; 8],
+    blur_px: -1.0,
+    blur_direction_deg: -1.0,
+    white_level: -1.0,
+    white_clipped: -1.0,
+    over_white: -1.0,
+});
 versioned!(svbrdf_probe, size_of::<svbrdf_probe>());
 
 impl svbrdf_probe {
@@ -145,14 +118,7 @@ impl svbrdf_probe {
             timestamp_ns,
             ..Self::default()
         };
-        out.hints = hint_bits(&probe.hints);
-        for hint in &probe.hints {
-            match *hint {
-                Hint::NothingNew { index } => out.same_view_as = index as i32,
-                Hint::NotLinear { ratio, .. } => out.over_white = ratio,
-                _ => {}
-            }
-        }
+        (out.hints, out.same_view_as, out.over_white) = hint_fields(&probe.hints);
         if let Some(board) = &probe.pose {
             out.has_pose = 1;
             out.rotation = board.pose.rotation.transpose().to_cols_array();

@@ -11,7 +11,7 @@ use crate::options::{SVBRDF_FALLOFF_INVERSE_SQUARE, SVBRDF_FALLOFF_NONE, svbrdf_
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::texels::{Coding, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Camera and light of a rendering. Positions: mm from the sample's centre, X right, Y up, Z towards
 /// the camera.
@@ -34,19 +34,12 @@ pub struct svbrdf_render_options {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_render_options {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            camera_mm: [0.0, 0.0, 300.0],
-            light_mm: [0.0, 0.0, 300.0],
-            light_power: [PI; 3],
-            ambient: [0.0; 3],
-            falloff: SVBRDF_FALLOFF_NONE,
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_render_options {
+    camera_mm: [0.0, 0.0, 300.0],
+    light_mm: [0.0, 0.0, 300.0],
+    light_power: [PI; 3],
+    falloff: SVBRDF_FALLOFF_NONE,
+});
 versioned!(svbrdf_render_options, size_of::<svbrdf_render_options>());
 
 /// Fills options with defaults: pass sizeof(svbrdf_render_options).
@@ -84,7 +77,7 @@ impl svbrdf_render_options {
             other => return Err(unknown("svbrdf_render_options.falloff", other)),
         };
         let (camera_mm, light_mm, ambient) = (self.camera_mm, self.light_mm, self.ambient);
-        Ok(View { sample_mm, camera_mm, light_mm, falloff, ambient, mirrored: 1.0 })
+        Ok(View { sample_mm, camera_mm, light_mm, falloff, ambient, ..View::default() })
     }
 }
 

@@ -6,9 +6,9 @@ use std::mem::offset_of;
 use engine::Rejection;
 use engine::session::{AcceptedPhoto, BoardPose, Hint, NextView, Progress};
 
-use crate::phase::{SVBRDF_PHASE_NONE, phase_code, svbrdf_phase};
+use crate::phase::{phase_code, svbrdf_phase};
 use crate::status::{entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Reason for which a photo was rejected. Values may be added.
 pub type svbrdf_rejection = u32;
@@ -46,6 +46,10 @@ pub const SVBRDF_REJECTION_BOARD_DIFFERS: svbrdf_rejection = 14;
 pub const SVBRDF_REJECTION_OTHER_CAMERA: svbrdf_rejection = 15;
 /// The board's squares are too small.
 pub const SVBRDF_REJECTION_SQUARES_TOO_SMALL: svbrdf_rejection = 16;
+/// Bright and dark stripes run across the photo: the light flickers.
+pub const SVBRDF_REJECTION_FLICKERS: svbrdf_rejection = 17;
+/// The contrast of the photo was changed: black is not as dark as printed.
+pub const SVBRDF_REJECTION_EDITED: svbrdf_rejection = 18;
 
 /// The number of a reason.
 pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
@@ -65,6 +69,8 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
         Rejection::BoardDiffers(_) => SVBRDF_REJECTION_BOARD_DIFFERS,
         Rejection::OtherCamera { .. } => SVBRDF_REJECTION_OTHER_CAMERA,
         Rejection::SquaresTooSmall { .. } => SVBRDF_REJECTION_SQUARES_TOO_SMALL,
+        Rejection::Flickers { .. } => SVBRDF_REJECTION_FLICKERS,
+        Rejection::Edited { .. } => SVBRDF_REJECTION_EDITED,
         _ => SVBRDF_REJECTION_OTHER,
     }
 }
@@ -106,6 +112,10 @@ pub const SVBRDF_MEASURE_SAMPLE_SHARE: svbrdf_measure = 7;
 pub const SVBRDF_MEASURE_FOCAL_RATIO: svbrdf_measure = 8;
 /// Side of the board's squares, px. The limit is the side needed.
 pub const SVBRDF_MEASURE_SQUARE_PX: svbrdf_measure = 9;
+/// Relative amplitude of the stripes.
+pub const SVBRDF_MEASURE_STRIPES: svbrdf_measure = 10;
+/// Value of the black squares over that of white. The limit is the ratio as printed.
+pub const SVBRDF_MEASURE_OVER_WHITE: svbrdf_measure = 11;
 
 /// Meaning of the measured value, the value, and its limit (0: none).
 pub(crate) fn measured(rejection: &Rejection) -> (svbrdf_measure, f32, f32) {
@@ -124,6 +134,8 @@ pub(crate) fn measured(rejection: &Rejection) -> (svbrdf_measure, f32, f32) {
         Rejection::SquaresTooSmall { square_px, needed_px } => {
             (SVBRDF_MEASURE_SQUARE_PX, square_px, needed_px)
         }
+        Rejection::Flickers { amplitude } => (SVBRDF_MEASURE_STRIPES, amplitude, 0.0),
+        Rejection::Edited { black, usual } => (SVBRDF_MEASURE_OVER_WHITE, black, usual),
         _ => (SVBRDF_MEASURE_NONE, 0.0, 0.0),
     }
 }
@@ -185,31 +197,7 @@ pub struct svbrdf_photo_report {
     pub reserved: u32,
 }
 
-impl Default for svbrdf_photo_report {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            accepted: 0,
-            rejection: SVBRDF_REJECTION_NONE,
-            index: 0,
-            has_pose: 0,
-            rotation: [0.0; 9],
-            translation_mm: [0.0; 3],
-            reprojection_rms_px: 0.0,
-            maps_seconds: 0.0,
-            timestamp_ns: 0,
-            hints: 0,
-            same_view_as: -1,
-            over_white: -1.0,
-            measure: SVBRDF_MEASURE_NONE,
-            measured: 0.0,
-            limit: 0.0,
-            blur_direction_deg: -1.0,
-            advice: [0; SVBRDF_ADVICE_BYTES],
-            reserved: 0,
-        }
-    }
-}
+defaults!(svbrdf_photo_report { same_view_as: -1, over_white: -1.0, blur_direction_deg: -1.0 });
 versioned!(svbrdf_photo_report, offset_of!(svbrdf_photo_report, hints));
 
 impl svbrdf_photo_report {
@@ -227,14 +215,7 @@ impl svbrdf_photo_report {
             report.rotation = pose.rotation.transpose().to_cols_array();
             report.translation_mm = pose.translation.to_array();
         }
-        report.hints = hint_bits(&accepted.hints);
-        for hint in &accepted.hints {
-            match *hint {
-                Hint::NothingNew { index } => report.same_view_as = index as i32,
-                Hint::NotLinear { ratio, .. } => report.over_white = ratio,
-                _ => {}
-            }
-        }
+        (report.hints, report.same_view_as, report.over_white) = hint_fields(&accepted.hints);
         report.advice = text(&words(&accepted.hints));
         report
     }
@@ -271,14 +252,23 @@ pub unsafe extern "C" fn svbrdf_photo_report_init(
     entry(|| unsafe { versioned::init(report, size) })
 }
 
-/// Bits of hints.
-pub(crate) fn hint_bits(hints: &[Hint]) -> svbrdf_hints {
-    let bit = |hint: &Hint| match hint {
-        Hint::NothingNew { .. } => SVBRDF_HINT_NOTHING_NEW,
-        Hint::NotLinear { .. } => SVBRDF_HINT_NOT_LINEAR,
-        _ => SVBRDF_HINT_OTHER,
-    };
-    hints.iter().map(bit).fold(0, |bits, bit| bits | bit)
+/// Bits of hints, and the fields `same_view_as` and `over_white`.
+pub(crate) fn hint_fields(hints: &[Hint]) -> (svbrdf_hints, i32, f32) {
+    let (mut bits, mut same_view_as, mut over_white) = (0, -1, -1.0);
+    for hint in hints {
+        bits |= match *hint {
+            Hint::NothingNew { index } => {
+                same_view_as = index as i32;
+                SVBRDF_HINT_NOTHING_NEW
+            }
+            Hint::NotLinear { ratio, .. } => {
+                over_white = ratio;
+                SVBRDF_HINT_NOT_LINEAR
+            }
+            _ => SVBRDF_HINT_OTHER,
+        };
+    }
+    (bits, same_view_as, over_white)
 }
 
 /// Hints as the user may read them.
@@ -302,17 +292,7 @@ pub struct svbrdf_next_view {
     pub direction: [f32; 3],
 }
 
-impl Default for svbrdf_next_view {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            known: 0,
-            tilt_deg: 0.0,
-            azimuth_deg: 0.0,
-            direction: [0.0; 3],
-        }
-    }
-}
+defaults!(svbrdf_next_view {});
 versioned!(svbrdf_next_view, size_of::<svbrdf_next_view>());
 
 impl svbrdf_next_view {
@@ -382,24 +362,7 @@ pub struct svbrdf_progress {
     pub reserved_too: u32,
 }
 
-impl Default for svbrdf_progress {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            state: SVBRDF_STATE_READY,
-            photos: 0,
-            settled: 0,
-            fraction: 0.0,
-            loss_before: 0.0,
-            loss: 0.0,
-            seconds_left: -1.0,
-            reserved: 0,
-            maps_revision: 0,
-            phase: SVBRDF_PHASE_NONE,
-            reserved_too: 0,
-        }
-    }
-}
+defaults!(svbrdf_progress { state: SVBRDF_STATE_READY, seconds_left: -1.0 });
 versioned!(svbrdf_progress, offset_of!(svbrdf_progress, phase));
 
 impl svbrdf_progress {
@@ -442,6 +405,44 @@ mod tests {
     }
 
     #[test]
+    fn each_reason_has_its_constant() {
+        let difference = engine::BoardDifference::MarkersUnknown { count: 5 };
+        let all = [
+            Rejection::WrongSize { found_width: 4, found_height: 3, width: 8, height: 6 },
+            Rejection::BoardNotFound,
+            Rejection::TooFewCorners { found: 31, expected: 72, needed: 40 },
+            Rejection::PlacementAmbiguous { found: 60 },
+            Rejection::BoardDiffers(difference),
+            Rejection::OtherCamera { focal_ratio: 1.3 },
+            Rejection::SquaresTooSmall { square_px: 7.0, needed_px: 9.0 },
+            Rejection::PoseUncertain { rms_px: 3.1 },
+            Rejection::Blurred { blur_px: 3.5, direction_deg: None },
+            Rejection::TooDark { level: 0.01 },
+            Rejection::Clipped { share: 0.4 },
+            Rejection::TooGrazing { degrees: 71.0, limit: 65.0 },
+            Rejection::SampleOutside { share: 0.6 },
+            Rejection::LightNotVisible,
+            Rejection::Flickers { amplitude: 0.1 },
+            Rejection::Edited { black: 0.01, usual: 0.05 },
+            Rejection::NotFinite,
+        ];
+        // Other crates cannot match without a wildcard, so that the list is compared with the source.
+        let source = include_str!("../../src/error.rs");
+        let reasons = source.split_once("impl Rejection {").unwrap().1;
+        let codes: Vec<&str> =
+            reasons.lines().filter_map(|line| Some(line.split_once("=> \"")?.1)).collect();
+        let listed: Vec<String> = all.iter().map(|r| format!("{}\",", r.code())).collect();
+        assert_eq!(codes, listed);
+        let header = include_str!("../../include/svbrdf.h");
+        for rejection in all {
+            let name = rejection.code().to_uppercase();
+            let define =
+                format!("#define SVBRDF_REJECTION_{name} {}\n", rejection_code(&rejection));
+            assert!(header.contains(&define), "{define}");
+        }
+    }
+
+    #[test]
     fn figures_of_rejections_are_reported() {
         let fields = |rejection| {
             let report = svbrdf_photo_report::rejected(&rejection, 7);
@@ -460,6 +461,10 @@ mod tests {
         assert_eq!(
             fields(Rejection::SampleOutside { share: 0.5 }),
             (SVBRDF_MEASURE_SAMPLE_SHARE, 0.5, 0.0, -1.0)
+        );
+        assert_eq!(
+            fields(Rejection::Edited { black: 0.01, usual: 0.05 }),
+            (SVBRDF_MEASURE_OVER_WHITE, 0.01, 0.05, -1.0)
         );
         assert_eq!(fields(Rejection::BoardNotFound), (SVBRDF_MEASURE_NONE, 0.0, 0.0, -1.0));
     }

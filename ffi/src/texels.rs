@@ -3,23 +3,23 @@
 use std::ffi::c_void;
 use std::ops::Range;
 
+use engine::export::srgb_byte;
 use half::f16;
 
-use crate::srgb;
 use crate::status::Fault;
 
 /// Layout of a map's texels. Numbers of more than a byte are in the machine's byte order.
 pub type svbrdf_map_format = u32;
-/// Floats: three a texel, one for the roughness of lobe or sheen.
+/// Floats: three channels, or one for SVBRDF_MAP_ROUGHNESS and SVBRDF_MAP_SHEEN_ROUGHNESS.
 pub const SVBRDF_MAP_FORMAT_F32: svbrdf_map_format = 1;
 /// Three bytes a texel.
 pub const SVBRDF_MAP_FORMAT_RGB8: svbrdf_map_format = 2;
 /// Four bytes a texel, the fourth 255.
 pub const SVBRDF_MAP_FORMAT_RGBA8: svbrdf_map_format = 3;
-/// One byte a texel, for the roughness of lobe or sheen.
+/// Bytes: one channel, for SVBRDF_MAP_ROUGHNESS and SVBRDF_MAP_SHEEN_ROUGHNESS.
 pub const SVBRDF_MAP_FORMAT_R8: svbrdf_map_format = 4;
 /// Four half floats a texel, the fourth 1. Roughness: 1 (occlusion), roughness, 0 (metalness).
-/// Beyond 65504, the largest half float, values are that.
+/// Values beyond 65504, the largest half float, are clamped.
 pub const SVBRDF_MAP_FORMAT_RGBA16F: svbrdf_map_format = 5;
 /// Four floats a texel, the fourth 1. Roughness as in SVBRDF_MAP_FORMAT_RGBA16F.
 pub const SVBRDF_MAP_FORMAT_RGBA32F: svbrdf_map_format = 6;
@@ -109,7 +109,7 @@ impl Layout {
                 let texels: Vec<_> = texels.iter().map(unsigned).collect();
                 each(&texels, channels, out, |v| [unit_byte(v)]);
             }
-            (Sample::Byte, Coding::Srgb) => each(texels, channels, out, |v| [srgb::byte(v)]),
+            (Sample::Byte, Coding::Srgb) => each(texels, channels, out, |v| [srgb_byte(v)]),
             (Sample::Half, _) => {
                 let limit = f16::MAX.to_f32();
                 each(texels, channels, out, |v| {
@@ -120,8 +120,8 @@ impl Layout {
         }
     }
 
-    /// Copies an image into rows of `row_stride` bytes (0: no gap), of which the last may end with its
-    /// last texel.
+    /// Copies an image into rows of `row_stride` bytes (0: no gap); the last row needs no
+    /// padding.
     ///
     /// # Safety
     /// `data` is NULL or has `bytes` writable bytes.

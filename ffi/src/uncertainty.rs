@@ -8,7 +8,7 @@ use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::maps::{self, svbrdf_map, svbrdf_map_view, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Standard deviation of each map as a whole: root mean square of the expected errors of its texels.
 #[repr(C)]
@@ -16,22 +16,17 @@ use crate::versioned::{self, versioned};
 pub struct svbrdf_uncertainty {
     /// Size of this struct.
     pub size: usize,
-    /// Of each slope of the normal: tangent of a tilt.
+    /// Standard deviation of each slope of the normal: tangent of a tilt.
     pub normal: f32,
-    /// Of each colour of the diffuse albedo, linear.
+    /// Standard deviation of each colour of the diffuse albedo, linear.
     pub diffuse: f32,
-    /// Of each colour of the specular albedo, linear.
+    /// Standard deviation of each colour of the specular albedo, linear.
     pub specular: f32,
-    /// Of roughness.
+    /// Standard deviation of roughness.
     pub roughness: f32,
 }
 
-impl Default for svbrdf_uncertainty {
-    fn default() -> Self {
-        let size = size_of::<Self>();
-        Self { size, normal: 0.0, diffuse: 0.0, specular: 0.0, roughness: 0.0 }
-    }
-}
+defaults!(svbrdf_uncertainty {});
 versioned!(svbrdf_uncertainty, size_of::<svbrdf_uncertainty>());
 
 /// Fills an uncertainty with zeros: pass sizeof(svbrdf_uncertainty).

@@ -1,8 +1,8 @@
-//! Numbers of the header that stand for one of several values.
+//! Checks of constants.
 
 use crate::status::Fault;
 
-/// The fault of a number that stands for nothing.
+/// Error for an unknown constant.
 pub(crate) fn unknown(field: &str, value: u32) -> Fault {
     Fault::argument(format!("{field}: {value} is not a known value"))
 }

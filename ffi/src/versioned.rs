@@ -1,5 +1,6 @@
 //! Structs whose first field is their size, across versions of the library.
 
+use std::mem::MaybeUninit;
 use std::ptr;
 
 use crate::status::{Fault, SVBRDF_UNSUPPORTED};
@@ -38,6 +39,28 @@ macro_rules! versioned {
     };
 }
 pub(crate) use versioned;
+
+/// Implements `Default`: `size`, the fields named, and 0, NULL or nothing for the others.
+macro_rules! defaults {
+    ($type:ident { $($field:ident: $value:expr),* $(,)? }) => {
+        impl Default for $type {
+            fn default() -> Self {
+                Self { $($field: $value,)* ..$crate::versioned::zeroed() }
+            }
+        }
+    };
+}
+pub(crate) use defaults;
+
+/// A struct whose bytes are 0 but for its size.
+pub(crate) fn zeroed<T: Versioned>() -> T {
+    let mut value = MaybeUninit::<T>::zeroed();
+    // SAFETY: `T` begins with its size, and all bits of the others are a value.
+    unsafe {
+        value.as_mut_ptr().cast::<usize>().write(size_of::<T>());
+        value.assume_init()
+    }
+}
 
 fn check_size<T: Versioned>(size: usize) -> Result<(), Fault> {
     if (T::FIRST_SIZE..=MAX_SIZE).contains(&size) {
@@ -164,11 +187,7 @@ mod tests {
         a: u64,
         b: u64,
     }
-    impl Default for thing {
-        fn default() -> Self {
-            Self { size: size_of::<Self>(), a: 1, b: 2 }
-        }
-    }
+    defaults!(thing { a: 1, b: 2 });
     versioned!(thing, 16);
 
     #[test]

@@ -10,16 +10,18 @@ mod buffer;
 mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
-#[path = "../../ffi/src/uncertainty.rs"]
-mod uncertainty;
-#[path = "../../ffi/src/photo_file.rs"]
-mod photo_file;
+#[path = "../../ffi/src/events.rs"]
+mod events;
 #[path = "../../ffi/src/export.rs"]
 mod export;
-#[path = "../../ffi/src/photo_fit.rs"]
-mod photo_fit;
+#[path = "../../ffi/src/gate.rs"]
+mod gate;
+#[path = "../../ffi/src/guide.rs"]
+mod guide;
 #[path = "../../ffi/src/handles.rs"]
 mod handles;
+#[path = "../../ffi/src/hints.rs"]
+mod hints;
 #[path = "../../ffi/src/image.rs"]
 mod image;
 #[path = "../../ffi/src/info.rs"]
@@ -30,6 +32,8 @@ mod live;
 mod log;
 #[path = "../../ffi/src/maps.rs"]
 mod maps;
+#[path = "../../ffi/src/maps_input.rs"]
+mod maps_input;
 #[path = "../../ffi/src/models.rs"]
 mod models;
 #[path = "../../ffi/src/notifier.rs"]
@@ -42,6 +46,10 @@ mod owned_photo;
 mod paper;
 #[path = "../../ffi/src/phase.rs"]
 mod phase;
+#[path = "../../ffi/src/photo_file.rs"]
+mod photo_file;
+#[path = "../../ffi/src/photo_fit.rs"]
+mod photo_fit;
 #[path = "../../ffi/src/probe.rs"]
 mod probe;
 #[path = "../../ffi/src/process.rs"]
@@ -60,14 +68,14 @@ mod saved;
 mod session;
 #[path = "../../ffi/src/sheet.rs"]
 mod sheet;
-#[path = "../../ffi/src/srgb.rs"]
-mod srgb;
 #[path = "../../ffi/src/status.rs"]
 mod status;
 #[path = "../../ffi/src/texels.rs"]
 mod texels;
 #[path = "../../ffi/src/threads.rs"]
 mod threads;
+#[path = "../../ffi/src/uncertainty.rs"]
+mod uncertainty;
 #[path = "../../ffi/src/values.rs"]
 mod values;
 #[path = "../../ffi/src/versioned.rs"]

@@ -136,6 +136,8 @@ enum class Rejection : svbrdf_rejection {
     board_differs = SVBRDF_REJECTION_BOARD_DIFFERS,
     other_camera = SVBRDF_REJECTION_OTHER_CAMERA,
     squares_too_small = SVBRDF_REJECTION_SQUARES_TOO_SMALL,
+    flickers = SVBRDF_REJECTION_FLICKERS,
+    edited = SVBRDF_REJECTION_EDITED,
 };
 
 /// Hints about an accepted photo: bits. Some may be added.
@@ -252,6 +254,8 @@ enum class Measure : svbrdf_measure {
     sample_share = SVBRDF_MEASURE_SAMPLE_SHARE,
     focal_ratio = SVBRDF_MEASURE_FOCAL_RATIO,
     square_px = SVBRDF_MEASURE_SQUARE_PX,
+    stripes = SVBRDF_MEASURE_STRIPES,
+    over_white = SVBRDF_MEASURE_OVER_WHITE,
 };
 
 /// Role of a thread of the library. Values may be added.

@@ -2,11 +2,9 @@
 
 mod colour_difference;
 
-use std::f32::consts::PI;
-
 pub use colour_difference::{delta_e_2000, lab};
 
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Observation, View};
 use crate::parallel;
 use crate::random::Random;
 use crate::render::render;
@@ -141,9 +139,7 @@ fn renderings(a: &Svbrdf, b: &Svbrdf) -> f64 {
         views.into_iter(),
         || [vec![0.0; 3 * a.texels()], vec![0.0; 3 * a.texels()]],
         |images, _, (camera_mm, light_mm)| {
-            let falloff = Falloff::None { power: [PI; 3] };
-            let view =
-                View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 };
+            let view = View { sample_mm, camera_mm, light_mm, ..View::default() };
             for (maps, image) in [a, b].into_iter().zip(images.iter_mut()) {
                 render(maps, &view, image);
                 image.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
@@ -239,9 +235,7 @@ mod tests {
             sample_mm: [80.0, 80.0],
             camera_mm: [20.0, 0.0, 200.0],
             light_mm: [30.0, 0.0, 200.0],
-            falloff: Falloff::None { power: [PI; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let n = of.texels();
         let mut radiance = vec![0.0; 3 * n];

@@ -6,7 +6,7 @@ use super::height::Height;
 use super::lobes;
 use super::metalness::Layer;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::svbrdf::Anisotropy;
+use crate::svbrdf::{Anisotropy, gltf};
 use crate::{Result, Svbrdf, parallel};
 
 /// Files by name.
@@ -73,7 +73,7 @@ impl Bundle {
 
     /// glTF's roughness; with anisotropy, the roughness across the direction.
     pub fn roughness_across(&self, i: usize) -> f32 {
-        self.anisotropy.as_ref().map_or(self.roughness()[i], |lobes| lobes[i].roughness())
+        gltf::roughness(&self.maps, i)
     }
 
     /// The texture of glTF's `KHR_materials_anisotropy`: direction and strength.

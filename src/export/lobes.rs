@@ -1,31 +1,19 @@
 //! The optional lobes in the conventions of other renderers.
 
 use crate::svbrdf::Anisotropy;
+use crate::svbrdf::gltf::{self, Shown};
 use crate::{Svbrdf, parallel};
 
 /// Index of refraction of a coat, for an F0 of 0.04.
 pub(super) const COAT_IOR: f32 = 1.5;
 
-/// Both alphas of every texel, `None` if no texel is anisotropic. Of two opposite directions, the
-/// one nearer to the mean direction is taken, so that textures can be filtered.
+/// [`gltf::alphas`] of every texel, `None` if no texel is anisotropic.
 pub(super) fn anisotropy(maps: &Svbrdf) -> Option<Vec<Anisotropy>> {
-    let [x, y] = maps.anisotropy()?;
-    let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
-    let mean = 0.5 * sum(y).atan2(sum(x)) as f32;
-    let roughness = maps.roughness();
+    let mean = Shown::of(maps).anisotropy?;
     let width = maps.width();
     let rows = parallel::map(maps.height(), |row| {
         let texels = row * width..(row + 1) * width;
-        let of = |i: usize| {
-            let lobe = Anisotropy::new(roughness[i], [x[i], y[i]]);
-            // Isotropic texels get the mean direction, which disturbs no neighbour.
-            if lobe.along > lobe.across {
-                lobe.facing(mean)
-            } else {
-                Anisotropy { angle: mean, ..lobe }
-            }
-        };
-        texels.map(of).collect::<Vec<_>>()
+        texels.map(|i| gltf::alphas(maps, mean, i)).collect::<Vec<_>>()
     });
     Some(rows.concat())
 }

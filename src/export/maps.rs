@@ -8,7 +8,7 @@ use super::lobes;
 use super::textures::{Density, Texture, TextureFormat};
 use crate::parallel;
 use crate::photo::{Encoding, read_picture};
-use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, lobe};
+use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, gltf};
 use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
@@ -124,12 +124,11 @@ fn pictures(
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
     let (diffuse, specular) = (maps.diffuse(), maps.specular());
-    let roughness = stored_roughness(maps, anisotropy);
     let mut textures = vec![
         ("normal", Texture::data(w, h, |i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5))),
         ("diffuse", Texture::colour(w, h, |i| diffuse.map(|p| p[i]))),
         ("specular", Texture::colour(w, h, |i| specular.map(|p| p[i]))),
-        ("roughness", Texture::gray(w, h, roughness)),
+        ("roughness", Texture::gray(w, h, |i| gltf::roughness(maps, i))),
     ];
     textures.extend(anisotropy.map(|lobes| {
         let texel = |i: usize| {
@@ -152,15 +151,6 @@ fn pictures(
     files.into_iter().collect()
 }
 
-/// Roughness of a texel in files.
-fn stored_roughness<'a>(
-    maps: &'a Svbrdf,
-    anisotropy: Option<&'a [Anisotropy]>,
-) -> impl Fn(usize) -> f32 + Sync + 'a {
-    let roughness = maps.roughness();
-    move |i| anisotropy.map_or(roughness[i], |lobes| lobes[i].roughness())
-}
-
 /// Bytes of `maps.exr`.
 fn floats(
     maps: &Svbrdf,
@@ -176,7 +166,7 @@ fn floats(
     let [colours @ .., roughness] = OTHERS;
     let albedos = maps.diffuse().into_iter().chain(maps.specular());
     planes.extend(colours.into_iter().zip(albedos.map(<[f32]>::to_vec)));
-    planes.push((roughness, (0..w * h).map(stored_roughness(maps, anisotropy)).collect()));
+    planes.push((roughness, (0..w * h).map(|i| gltf::roughness(maps, i)).collect()));
     if let Some(lobes) = anisotropy {
         let [x, y, strength] = ANISOTROPY;
         planes.push((x, lobes.iter().map(|lobe| lobe.direction()[0]).collect()));
@@ -296,32 +286,14 @@ struct StoredLobes {
 impl StoredLobes {
     /// Adds the lobes to maps. With anisotropy, the maps still hold the roughness across the direction.
     fn add_to(self, maps: &mut Svbrdf) -> Result<()> {
-        let Self { anisotropy, coat, sheen } = self;
-        if anisotropy.is_none() && coat.is_none() && sheen.is_none() {
-            return Ok(());
-        }
-        let n = maps.texels();
-        let count = if sheen.is_some() { LOBES } else { lobe::SHEEN };
-        let mut planes = Vec::with_capacity(count * n);
-        for none in &NO_LOBES[..count] {
-            planes.resize(planes.len() + n, *none as f32);
-        }
-        let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
-        if let Some([x, y, strength]) = anisotropy {
-            let roughness = maps.roughness_mut();
-            for i in 0..n {
-                let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
-                if strength[i] > 0.0 {
-                    (roughness[i], [planes[x0 + i], planes[y0 + i]]) = stored.parameters();
-                }
-            }
-        }
-        let coat = coat.into_iter().flatten().zip(lobe::COAT..);
-        for (plane, at) in coat.chain(sheen.into_iter().flatten().zip(lobe::SHEEN..)) {
-            planes[at * n..][..n].copy_from_slice(&plane);
-        }
-        maps.set_lobes(planes)
+        let (anisotropy, coat) = (self.anisotropy.map(texels), self.coat.map(texels));
+        gltf::add_lobes(maps, anisotropy, coat, self.sheen.map(texels))
     }
+}
+
+/// Texel by texel from planes.
+fn texels<const C: usize>(planes: [Vec<f32>; C]) -> impl Iterator<Item = [f32; C]> {
+    (0..planes[0].len()).map(move |i| std::array::from_fn(|c| planes[c][i]))
 }
 
 /// `n.x / n.z`, limited for normals at or below the horizon.

@@ -44,6 +44,8 @@ pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, encode_preview, relit, write_preview};
 pub use resample::resized;
 pub use textures::TextureFormat;
+#[doc(hidden)]
+pub use textures::srgb_byte;
 
 #[cfg(test)]
 mod tests;

@@ -10,7 +10,7 @@ use super::height::Height;
 use super::lobes;
 use super::maps::{LOBE_FILES, MapsOptions, check_size, encode_maps};
 use super::occlusion::occlusion;
-use super::resample::resized;
+use super::resample::at_most;
 use super::textures::TextureFormat;
 use super::tile_picture::tile_picture;
 use super::{blender, engines, glb, materialx, tile, usdz};
@@ -159,7 +159,7 @@ impl Package {
 /// than two texels along a side (sixteen for seamless maps) or hold values that are not finite.
 pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     check(maps, options)?;
-    let mut maps = limited(maps, options.max_size);
+    let mut maps = at_most(maps, options.max_size.unwrap_or(usize::MAX), 2);
     maps.clamp();
     let (maps, seam) = if options.tile {
         let tile::Tiled { maps, seam, joins, cuts } = tile::seamless(&maps)?;
@@ -280,14 +280,6 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
         return Err(Error::argument("maps", message));
     }
     Ok(())
-}
-
-/// Maps scaled to at most `max_size` texels along the longer side.
-fn limited(maps: &Svbrdf, max_size: Option<usize>) -> Svbrdf {
-    let longer = maps.width().max(maps.height());
-    let Some(max_size) = max_size.filter(|size| longer > *size) else { return maps.clone() };
-    let side = |n: usize| ((n * max_size + longer / 2) / longer).max(2);
-    resized(maps, side(maps.width()), side(maps.height()))
 }
 
 /// The part of `material.json` common to all formats.

@@ -8,9 +8,9 @@ use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_wid
 
 use super::files::{encode_png, write_atomic};
 use super::lobes;
-use super::resample::resized;
+use super::resample::at_most;
 use super::textures::srgb_byte as srgb;
-use crate::observation::{Falloff, View};
+use crate::observation::View;
 use crate::render::render;
 use crate::{Result, Svbrdf};
 
@@ -66,8 +66,8 @@ pub struct Relit {
 /// # Panics
 /// If `longest` is 0.
 pub fn relit(maps: &Svbrdf, sample_mm: [f32; 2], longest: usize) -> Vec<Relit> {
-    let small = at_most(maps, TRIAL.min(longest));
-    let maps = at_most(maps, longest);
+    let small = at_most(maps, TRIAL.min(longest), 1);
+    let maps = at_most(maps, longest, 1);
     let top = [0.0, 0.0, DISTANCE];
     let low = |azimuth| lowest_light(&small, sample_mm, azimuth);
     [
@@ -94,9 +94,7 @@ fn view(sample_mm: [f32; 2], camera: [f32; 3], light: [f32; 3]) -> View {
         sample_mm,
         camera_mm: camera.map(|v| v * unit),
         light_mm: light.map(|v| v * unit),
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     }
 }
 
@@ -142,13 +140,6 @@ fn byte(value: f32) -> u8 {
     (255.0 * value).round() as u8
 }
 
-/// Maps of at most `longest` texels along each side.
-fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
-    let scale = (longest as f64 / maps.width().max(maps.height()) as f64).min(1.0);
-    let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
-    resized(maps, side(maps.width()), side(maps.height()))
-}
-
 /// Writes a sheet (8-bit sRGB PNG) with captions. First row: normal, diffuse, specular and
 /// roughness. Second row, for materials with lobes: anisotropy (direction and strength as RGB),
 /// weight of the coat, colour of the sheen. Last row: the material under the four lights of [`relit`].
@@ -165,7 +156,7 @@ pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2])
 /// Internal faults only.
 pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let relit = relit(maps, sample_mm, CELL);
-    let maps = at_most(maps, CELL);
+    let maps = at_most(maps, CELL, 1);
     let w = maps.width();
     let (anisotropy, coat, sheen) = (lobes::anisotropy(&maps), maps.coat(), maps.sheen());
     let lit = if anisotropy.is_some() || coat.is_some() || sheen.is_some() { 2 } else { 1 };

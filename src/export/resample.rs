@@ -6,7 +6,7 @@ use crate::{Svbrdf, parallel};
 /// linear interpolation between texel centres to more. Border texels extend outwards.
 ///
 /// # Panics
-/// If a size is 0. When a size is 0.
+/// If a size is 0.
 pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
     let (w, h) = (maps.width(), maps.height());
     if (w, h) == (width, height) {
@@ -34,6 +34,13 @@ pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
         data
     };
     maps.with_planes([width, height], resampled)
+}
+
+/// Maps of at most `longest` texels along each side, and at least `least`.
+pub(super) fn at_most(maps: &Svbrdf, longest: usize, least: usize) -> Svbrdf {
+    let scale = (longest as f64 / maps.width().max(maps.height()) as f64).min(1.0);
+    let side = |n: usize| ((n as f64 * scale).round() as usize).max(least);
+    resized(maps, side(maps.width()), side(maps.height()))
 }
 
 /// Source texels along an axis and their weights (sum 1) for each texel of the result: triangles

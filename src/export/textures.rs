@@ -255,8 +255,8 @@ fn encoding_fault(fault: impl std::fmt::Display) -> Error {
     Error::Internal(format!("a picture could not be encoded: {fault}"))
 }
 
-/// The nearest 8-bit sRGB value of a linear one.
-pub(super) fn srgb_byte(linear: f32) -> u8 {
+/// The nearest 8-bit sRGB value of a linear one. Values beyond 0 to 1 are clipped; NaN becomes 0.
+pub fn srgb_byte(linear: f32) -> u8 {
     SrgbBytes::get().encode(linear)
 }
 

@@ -1,10 +1,8 @@
 //! Picture of adjacent tiles.
 
-use std::f32::consts::PI;
-
 use super::resample::resized;
 use super::textures::{Texture, TextureFormat};
-use crate::observation::{Falloff, View};
+use crate::observation::View;
 use crate::render::render;
 use crate::{Result, Svbrdf};
 
@@ -27,9 +25,7 @@ pub(super) fn tile_picture(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>
         sample_mm: sample_mm.map(|mm| 3.0 * mm),
         camera_mm: [0.0, 0.0, distance],
         light_mm: [-0.5 * distance, 0.5 * distance, 0.8 * distance],
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let n = many.texels();
     let mut rgb = vec![0.0; 3 * n];

@@ -149,7 +149,7 @@ fn seen_by(
         light_mm: light.as_vec3().to_array(),
         falloff: Falloff::InverseSquare { power_mm2: radiometry.power_mm2 },
         ambient: radiometry.ambient,
-        mirrored: 1.0,
+        ..View::default()
     })
 }
 
@@ -168,6 +168,7 @@ fn rectify_filtered(
     let response = Response::new(radiometry, camera);
     let texels = width * height;
     let mut packed = vec![0; 3 * texels];
+    let from = Source { photo, mapping, response, view, filter, top };
     let (mut seen, mut clipped) = (0, 0);
     if texels > 0 {
         let band = LANES * width;
@@ -179,8 +180,8 @@ fn rectify_filtered(
                 let values = &mut values[..4 * n];
                 values.fill(0.0);
                 let (planes, weights) = values.split_at_mut(3 * n);
-                let mut band = Band { planes, weight: weights, row: i * LANES, top: &top };
-                band.fill(photo, &mapping, &response, &view, filter);
+                let mut band = Band { planes, weight: weights, row: i * LANES, from: &from };
+                band.fill();
                 let counts = band.seen_and_clipped();
                 for (code, &weight) in codes.iter_mut().zip(&*weights) {
                     *code = pack_weight(weight);
@@ -261,54 +262,43 @@ pub fn update_radiometry(
     observation.log_sigma = new.log_sigma;
 }
 
+/// A photograph and how it is resampled.
+struct Source<'a> {
+    photo: &'a Photo,
+    mapping: Mapping,
+    response: Response,
+    view: View,
+    filter: Filter,
+    top: TopView,
+}
+
 /// [`LANES`] rows of the result.
 struct Band<'a> {
     /// Three planes.
     planes: &'a mut [f32],
     weight: &'a mut [f32],
     row: usize,
-    top: &'a TopView,
+    from: &'a Source<'a>,
 }
 
 impl Band<'_> {
-    fn fill(
-        &mut self,
-        photo: &Photo,
-        mapping: &Mapping,
-        response: &Response,
-        view: &View,
-        filter: Filter,
-    ) {
+    fn fill(&mut self) {
         let mut tile = Tile::default();
-        let width = self.top.width;
+        let width = self.from.top.width;
         let rows = self.weight.len() / width;
         for x0 in (0..width).step_by(LANES) {
-            let columns = LANES.min(width - x0);
-            self.fill_tile(
-                photo,
-                mapping,
-                response,
-                view,
-                filter,
-                &mut tile,
-                (x0, 0),
-                (columns, rows),
-            );
+            self.fill_tile(&mut tile, (x0, 0), (LANES.min(width - x0), rows));
         }
     }
 
     /// Fills a rectangle of at most `LANES * LANES` texels, in halves while its part of the photo is large.
     fn fill_tile(
         &mut self,
-        photo: &Photo,
-        mapping: &Mapping,
-        response: &Response,
-        view: &View,
-        filter: Filter,
         tile: &mut Tile,
         (x0, y0): (usize, usize),
         (columns, rows): (usize, usize),
     ) {
+        let Source { photo, mapping, response, .. } = self.from;
         let Some(bounds) = mapping.bounds(x0, self.row + y0, columns, rows) else { return };
         let Some(area) = bounds.pixels_in(photo) else { return };
         if area.len() > Tile::MAX_PIXELS && columns.max(rows) > 1 {
@@ -317,7 +307,7 @@ impl Band<'_> {
                 for (dx, columns) in [(0, half_x), (half_x, columns - half_x)] {
                     if columns > 0 && rows > 0 {
                         let (corner, size) = ((x0 + dx, y0 + dy), (columns, rows));
-                        self.fill_tile(photo, mapping, response, view, filter, tile, corner, size);
+                        self.fill_tile(tile, corner, size);
                     }
                 }
             }
@@ -325,7 +315,7 @@ impl Band<'_> {
         }
         tile.load(photo, area, response);
         for y in y0..y0 + rows {
-            self.fill_row(mapping, response, view, filter, tile, x0, columns, y);
+            self.fill_row(tile, x0, columns, y);
         }
     }
 
@@ -340,17 +330,8 @@ impl Band<'_> {
         (seen, clipped)
     }
 
-    fn fill_row(
-        &mut self,
-        mapping: &Mapping,
-        response: &Response,
-        view: &View,
-        filter: Filter,
-        tile: &Tile,
-        x0: usize,
-        columns: usize,
-        y: usize,
-    ) {
+    fn fill_row(&mut self, tile: &Tile, x0: usize, columns: usize, y: usize) {
+        let Source { mapping, response, view, filter, top, .. } = self.from;
         let row = (self.row + y) as f64;
         let mut centre = Positions::default();
         mapping.project(x0, 0.5, row + 0.5, &mut centre);
@@ -363,16 +344,15 @@ impl Band<'_> {
             let sub_y = row + (j as f64 + 0.5) / ny as f64;
             for i in 0..nx {
                 mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
-                tile.add_samples(&positions, columns, filter, &mut sums, &mut flags);
+                tile.add_samples(&positions, columns, *filter, &mut sums, &mut flags);
             }
         }
 
         let per_sample = 1.0 / (nx * ny) as f32;
-        let (start, n) = (y * self.top.width + x0, self.weight.len());
+        let (start, n) = (y * top.width + x0, self.weight.len());
         let weights = Weights::new(view, mapping, row + 0.5);
         for lane in 0..columns {
-            let weight =
-                weights.at(x0 + lane) * self.top.inside(x0 + lane, self.row + y, footprint);
+            let weight = weights.at(x0 + lane) * top.inside(x0 + lane, self.row + y, footprint);
             if flags[lane] & sampler::OUTSIDE != 0 || weight <= 0.0 {
                 continue;
             }

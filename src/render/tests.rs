@@ -132,8 +132,7 @@ fn narrow_highlights_keep_their_shape_in_single_precision() {
         camera_mm: position,
         light_mm: position,
         falloff,
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut out = vec![0.0; 192];
     render(&maps, &view, &mut out);
@@ -165,8 +164,7 @@ fn a_lambertian_plane_comes_out_at_its_albedo() {
             camera_mm: position,
             light_mm: position,
             falloff,
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let mut out = vec![0.0; 192];
         render(&maps, &view, &mut out);
@@ -315,9 +313,7 @@ fn the_reference_renderer_is_reproduced() {
         sample_mm: [2.0, 2.0],
         camera_mm: [0.3, 0.2, 2.146],
         light_mm: [-0.9, 0.4, 2.146],
-        falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let unit = |v: [f64; 3]| {
         let l = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();

@@ -6,6 +6,8 @@ use crate::parallel;
 use crate::{Error, Result};
 
 mod anisotropy;
+#[doc(hidden)]
+pub mod gltf;
 mod lobes;
 
 pub use anisotropy::Anisotropy;

@@ -70,8 +70,7 @@ pub fn photograph(maps: &Svbrdf, pose: &Pose, elevation_mm: f64, seed: u64) -> P
         camera_mm: (eye - up).as_vec3().to_array(),
         light_mm: (light - up).as_vec3().to_array(),
         falloff: Falloff::InverseSquare { power_mm2: [power_mm2 as f32; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut seen = vec![0.0; 3 * maps.texels()];
     render(maps, &view, &mut seen);

@@ -35,14 +35,7 @@ pub fn material() -> Svbrdf {
 
 /// A sample of 100 mm a side, seen and lit from one point, mm.
 pub fn view(camera_mm: [f32; 3]) -> View {
-    View {
-        sample_mm: [100.0; 2],
-        camera_mm,
-        light_mm: camera_mm,
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    }
+    View { sample_mm: [100.0; 2], camera_mm, light_mm: camera_mm, ..View::default() }
 }
 
 /// Sessions that take such photographs.

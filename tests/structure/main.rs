@@ -218,6 +218,20 @@ fn unsafe_code_stays_in_its_corners() {
 }
 
 /// Writes a crate and reads it.
+/// The target is built with cargo-fuzz alone: no test compiles it.
+#[test]
+fn the_fuzz_target_of_c_calls_has_every_module_of_the_c_library() {
+    let modules = |file: &str| -> Vec<String> {
+        let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+        let names =
+            text.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod "));
+        names.map(|name| name.trim_end_matches(';').to_owned()).collect()
+    };
+    let mut built = modules("fuzz/fuzz_targets/c_calls.rs");
+    built.retain(|name| name != "c_calls");
+    assert_eq!(built, modules("ffi/src/lib.rs"));
+}
+
 fn planted(files: &[(&str, &str)]) -> Crate {
     let dir = tempfile::tempdir().unwrap();
     for (name, text) in files {

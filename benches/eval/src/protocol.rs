@@ -199,7 +199,7 @@ fn view(camera: [f32; 3], light: [f32; 3], gain: f32, ambient: f32) -> View {
         light_mm: light.map(|v| v * HALF_WIDTH),
         falloff: Falloff::None { power: [gain * PI; 3] },
         ambient: [gain * ambient; 3],
-        mirrored: 1.0,
+        ..View::default()
     }
 }
 

@@ -90,8 +90,7 @@ fn matt(dir: &Path, brightness: f32) -> PathBuf {
             camera_mm: place,
             light_mm: place,
             falloff: Falloff::InverseSquare { power_mm2: [power; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let mut radiance = vec![0.0; 3 * side * side];
         render(&maps, &view, &mut radiance);

@@ -146,7 +146,11 @@ pub fn _pictures(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
 fn kind(path: &Path) -> Option<Kind> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
-    Kind::of(&head)
+    match Kind::of(&head)? {
+        // Only the whole file tells whether it is a maker's raw file.
+        Kind::Tiff => Kind::of(&std::fs::read(path).ok()?),
+        kind => Some(kind),
+    }
 }
 
 fn photo_file(chosen: Chosen) -> PhotoFile {

@@ -8,10 +8,6 @@ mod board;
 mod camera;
 mod capture;
 mod errors;
-#[path = "../../src/lobes.rs"]
-mod lobes;
-#[path = "../../src/lobes_input.rs"]
-mod lobes_input;
 mod maps;
 mod photo;
 mod records;

@@ -1,6 +1,5 @@
 //! The maps.
 
-use std::f32::consts::PI;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -9,15 +8,14 @@ use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
-use svbrdf::observation::{Falloff, View};
+use svbrdf::observation::View;
+use svbrdf::svbrdf::gltf::{self, Shown};
 use svbrdf::svbrdf::{MAX_SLOPE, lobe};
 use svbrdf::uncertainty::Uncertainty;
 use svbrdf::{Svbrdf, render};
 
 use crate::arrays::{array, floats, size};
 use crate::errors::{argument, choice, detached};
-use crate::lobes::{self, Shown};
-use crate::lobes_input;
 
 /// Normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
@@ -158,17 +156,17 @@ impl Maps {
         let anisotropy = anisotropy.and_then(|_| read.next());
         let coat = coat.and_then(|_| read.next());
         let sheen = sheen.and_then(|_| read.next());
-        let (roughness, lobes) = lobes_input::planes(
-            roughness,
-            anisotropy.as_ref().map(|values| values.as_chunks::<3>().0.iter().copied()),
-            coat.as_ref().map(|values| values.as_chunks::<2>().0.iter().copied()),
-            sheen.as_ref().map(|values| values.as_chunks::<4>().0.iter().copied()),
-        );
         planes.extend(roughness);
         let sample_mm = lengths(sample_mm)?;
         let maps = detached(py, || {
             let mut maps = Svbrdf::from_planes(width, height, planes)?;
-            maps.set_lobes(lobes).map(|()| maps)
+            gltf::add_lobes(
+                &mut maps,
+                anisotropy.as_ref().map(|values| values.as_chunks::<3>().0.iter().copied()),
+                coat.as_ref().map(|values| values.as_chunks::<2>().0.iter().copied()),
+                sheen.as_ref().map(|values| values.as_chunks::<4>().0.iter().copied()),
+            )?;
+            Ok(maps)
         })?;
         Ok(Self::of(py, Arc::new(maps), None, sample_mm))
     }
@@ -230,7 +228,7 @@ impl Maps {
     #[getter]
     fn roughness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
         let texels = 0..self.maps.texels();
-        let of = |texel| lobes::roughness(&self.maps, texel);
+        let of = |texel| gltf::roughness(&self.maps, texel);
         self.plane(py, &texels.map(of).collect::<Vec<_>>())
     }
 
@@ -248,7 +246,7 @@ impl Maps {
     #[getter]
     fn anisotropy<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
         let mean = Shown::of(&self.maps).anisotropy?;
-        Some(self.texels(py, |i| lobes::anisotropy(&self.maps, mean, i)))
+        Some(self.texels(py, |i| gltf::anisotropy(&self.maps, mean, i)))
     }
 
     /// Weight and roughness of a coat, (height, width, 2), as glTF's ``KHR_materials_clearcoat``: a dielectric with F0 0.04 above
@@ -256,7 +254,7 @@ impl Maps {
     #[getter]
     fn coat<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
         let shown = Shown::of(&self.maps).coat;
-        shown.then(|| self.texels(py, |i| lobes::coat(&self.maps, i)))
+        shown.then(|| self.texels(py, |i| gltf::coat(&self.maps, i)))
     }
 
     /// Colour (linear RGB) and roughness of sheen, (height, width, 4), as glTF's ``KHR_materials_sheen``. ``None`` where the
@@ -264,7 +262,7 @@ impl Maps {
     #[getter]
     fn sheen<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
         let shown = Shown::of(&self.maps).sheen;
-        shown.then(|| self.texels(py, |i| lobes::sheen(&self.maps, i)))
+        shown.then(|| self.texels(py, |i| gltf::sheen(&self.maps, i)))
     }
 
     /// Standard deviations, each (height, width), under ``normal`` (of each slope), ``diffuse``, ``specular`` (of each
@@ -378,9 +376,7 @@ impl Maps {
             sample_mm: self.sample_mm,
             camera_mm: above("camera_mm", camera_mm)?,
             light_mm: above("light_mm", light_mm)?,
-            falloff: Falloff::None { power: [PI; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let [height, width] = self.shape();
         let texels = width * height;

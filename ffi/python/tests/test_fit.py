@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pathlib
 import signal
+import struct
 import subprocess
 import threading
 
@@ -132,6 +133,12 @@ def test_photographs_that_all_fail_raise_with_their_reasons(tmp_path: pathlib.Pa
     with pytest.raises(svbrdf.RejectedError, match="broken.jpg") as raised:
         svbrdf.fit([broken])
     assert [p.code for p in raised.value.photos] == ["unreadable"]
+    # As NEF and ARW: a TIFF whose last bytes, the directory, tell of a colour filter array.
+    raw, entry = tmp_path / "raw.nef", struct.pack("<HHIHH", 262, 3, 1, 32803, 0)
+    directory = struct.pack("<H", 1) + entry + bytes(4)
+    raw.write_bytes(b"II*\0" + struct.pack("<I", 8 + (1 << 20)) + bytes(1 << 20) + directory)
+    with pytest.raises(svbrdf.RejectedError, match="raw file of a camera maker"):
+        svbrdf.fit([raw])
     for wrong in ([], [gray, broken]):
         with pytest.raises(svbrdf.ArgumentError, match="source"):
             svbrdf.fit(wrong)

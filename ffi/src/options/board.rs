@@ -8,7 +8,7 @@ use engine::geometry::Camera;
 
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::{truth, unknown};
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Kind of board.
 pub type svbrdf_board_kind = u32;
@@ -60,7 +60,6 @@ impl Default for svbrdf_board {
     fn default() -> Self {
         let target = Target::default();
         Self {
-            size: size_of::<Self>(),
             kind: SVBRDF_BOARD_CHECKERBOARD_RING,
             rows: target.rows,
             cols: target.cols,
@@ -72,10 +71,8 @@ impl Default for svbrdf_board {
             square_mm: target.square_mm,
             white_albedo: target.white_albedo,
             black_albedo: target.black_albedo,
-            marker_mm: 0.0,
-            dictionary: std::ptr::null(),
             patches: target.patches.into(),
-            reserved: 0,
+            ..versioned::zeroed()
         }
     }
 }
@@ -156,20 +153,7 @@ pub struct svbrdf_camera {
     pub distortion: [f64; 5],
 }
 
-impl Default for svbrdf_camera {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            width: 0,
-            height: 0,
-            fx: 0.0,
-            fy: 0.0,
-            cx: 0.0,
-            cy: 0.0,
-            distortion: [0.0; 5],
-        }
-    }
-}
+defaults!(svbrdf_camera {});
 versioned!(svbrdf_camera, size_of::<svbrdf_camera>());
 
 impl svbrdf_camera {

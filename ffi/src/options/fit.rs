@@ -97,7 +97,6 @@ impl Default for svbrdf_session_options {
     fn default() -> Self {
         let settings = Settings::default();
         Self {
-            size: size_of::<Self>(),
             scene: SVBRDF_SCENE_BOARD,
             resolution: settings.resolution as u32,
             sample_mm: settings.sample_mm,
@@ -105,19 +104,8 @@ impl Default for svbrdf_session_options {
             refine: settings.refine.into(),
             threads: settings.threads as u32,
             falloff: SVBRDF_FALLOFF_AUTO,
-            light_power: [0.0; 3],
-            reserved: 0,
-            board: std::ptr::null(),
-            camera: std::ptr::null(),
-            flash_offset_mm: std::ptr::null(),
-            models: std::ptr::null(),
-            capture: std::ptr::null(),
-            on_progress: None,
-            on_maps: None,
-            on_log: None,
-            user_data: std::ptr::null_mut(),
-            memory_limit_bytes: 0,
             elevation_mm: f64::NAN,
+            ..versioned::zeroed()
         }
     }
 }

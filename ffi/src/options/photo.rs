@@ -7,7 +7,7 @@ use engine::photo::Photo;
 use crate::image::svbrdf_image;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::unknown;
-use crate::versioned::{self, versioned};
+use crate::versioned::{self, defaults, versioned};
 
 /// Light of a photo.
 pub type svbrdf_flash = u32;
@@ -43,19 +43,7 @@ pub struct svbrdf_photo_info {
     pub focal_35mm: f32,
 }
 
-impl Default for svbrdf_photo_info {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            exposure: 1.0,
-            flash: SVBRDF_FLASH_UNKNOWN,
-            timestamp_ns: 0,
-            ambient: std::ptr::null(),
-            ambient_exposure: 0.0,
-            focal_35mm: 0.0,
-        }
-    }
-}
+defaults!(svbrdf_photo_info { exposure: 1.0 });
 versioned!(svbrdf_photo_info, offset_of!(svbrdf_photo_info, ambient));
 
 /// Fills photo metadata with defaults: pass sizeof(svbrdf_photo_info).

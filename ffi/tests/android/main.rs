@@ -172,8 +172,7 @@ fn relit_as_the_library_renders(out: &Path) {
         camera_mm: [0.0, 0.0, 250.0],
         light_mm: [60.0, 40.0, 200.0],
         falloff: Falloff::None { power: [0.8 * PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let mut rgb = vec![0.0; 3 * maps.texels()];
     render(&maps, &view, &mut rgb);

@@ -5,8 +5,6 @@
 
 extern crate svbrdf as engine;
 
-#[path = "../../src/lobes.rs"]
-mod lobes;
 mod outline;
 mod photograph;
 mod pictures;
@@ -318,8 +316,7 @@ pub fn start() {
     }));
 }
 
-/// What the panic said that ended the library; `None` where it ended without one, as it does where
-/// memory runs out.
+/// Message of the panic that stopped the library; `None` without one.
 #[wasm_bindgen]
 pub fn last_panic() -> Option<String> {
     LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone()

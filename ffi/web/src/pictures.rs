@@ -2,8 +2,7 @@
 
 use svbrdf::Svbrdf;
 use svbrdf::photo::{Encoding, Photo};
-
-use crate::lobes::{self, Shown};
+use svbrdf::svbrdf::gltf::{self, Shown};
 
 /// Longer side of a small picture at most, px.
 const SMALL: u32 = 480;
@@ -29,23 +28,23 @@ pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
         "normal" => Box::new(|i| maps.normal(i % width, i / width).map(|v| 0.5 * v + 0.5)),
         "diffuse" => Box::new(|i| diffuse.map(|plane| srgb(plane[i]))),
         "specular" => Box::new(|i| specular.map(|plane| srgb(plane[i]))),
-        "roughness" => Box::new(|i| [lobes::roughness(maps, i); 3]),
+        "roughness" => Box::new(|i| [gltf::roughness(maps, i); 3]),
         "anisotropy" => {
             let mean = shown.anisotropy?;
             Box::new(move |i| {
-                let [cos, sin, strength] = lobes::anisotropy(maps, mean, i);
+                let [cos, sin, strength] = gltf::anisotropy(maps, mean, i);
                 [0.5 * cos + 0.5, 0.5 * sin + 0.5, strength]
             })
         }
         "coat" if shown.coat => Box::new(|i| {
-            let [weight, roughness] = lobes::coat(maps, i);
+            let [weight, roughness] = gltf::coat(maps, i);
             [weight, roughness, 0.0]
         }),
         "sheen" if shown.sheen => Box::new(|i| {
-            let [r, g, b, _] = lobes::sheen(maps, i);
+            let [r, g, b, _] = gltf::sheen(maps, i);
             [r, g, b].map(srgb)
         }),
-        "sheen_roughness" if shown.sheen => Box::new(|i| [lobes::sheen(maps, i)[3]; 3]),
+        "sheen_roughness" if shown.sheen => Box::new(|i| [gltf::sheen(maps, i)[3]; 3]),
         _ => return None,
     };
     let texel = |i| {

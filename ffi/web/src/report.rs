@@ -1,4 +1,4 @@
-//! What is known of a scan, in the fields of the command line's `report.json`.
+//! The report of a scan, in the fields of the command line's `report.json`; `deviations` are its `confidence`.
 
 use std::time::Duration;
 

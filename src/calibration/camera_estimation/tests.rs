@@ -1,5 +1,6 @@
 use super::*;
-use glam::{DMat3, DVec2, DVec3};
+use crate::test_support::pose;
+use glam::{DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
 fn truth() -> Camera {
@@ -11,15 +12,6 @@ fn truth() -> Camera {
         cx: 1016.0,
         cy: 749.0,
         distortion: [0.06, -0.09, 0.0005, -0.0004, 0.01],
-    }
-}
-
-fn pose(tilt: f64, azimuth: f64, roll: f64, distance: f64) -> Pose {
-    let facing = DMat3::from_rotation_x(std::f64::consts::PI);
-    let axis = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
-    Pose {
-        rotation: DMat3::from_axis_angle(axis, tilt) * DMat3::from_rotation_z(roll) * facing,
-        translation: DVec3::new(6.0, -4.0, distance),
     }
 }
 

@@ -190,20 +190,6 @@ impl PhotometricCalibrator {
         self.radiometry(self.frames.len() - 1).ok_or(Rejection::LightNotVisible)
     }
 
-    /// Replaces the poses of all photos, e.g. after a better camera calibration.
-    ///
-    /// # Panics
-    /// If the number of poses is not that of the photos.
-    pub fn set_poses(&mut self, poses: &[Pose]) {
-        assert_eq!(poses.len(), self.frames.len(), "one pose per photo");
-        for (frame, pose) in self.frames.iter_mut().zip(poses) {
-            frame.pose = *pose;
-        }
-        if !self.frames.is_empty() {
-            self.photometry = Some(self.estimate());
-        }
-    }
-
     /// Latest estimate; `None` before the first photo.
     pub fn photometry(&self) -> Option<&Photometry> {
         self.photometry.as_ref()

@@ -1,7 +1,7 @@
 //! Poses of exact, noisy and unusable corners.
 
 use super::*;
-use glam::DMat3;
+use crate::test_support::pose;
 use nalgebra::{SMatrix, SVector};
 
 fn camera() -> Camera {
@@ -13,15 +13,6 @@ fn camera() -> Camera {
         cx: 1001.0,
         cy: 760.0,
         distortion: [0.06, -0.09, 0.001, -0.0005, 0.0],
-    }
-}
-
-fn pose(tilt: f64, azimuth: f64, roll: f64, distance: f64) -> Pose {
-    let facing = DMat3::from_rotation_x(std::f64::consts::PI);
-    let axis = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
-    Pose {
-        rotation: DMat3::from_axis_angle(axis, tilt) * DMat3::from_rotation_z(roll) * facing,
-        translation: DVec3::new(6.0, -4.0, distance),
     }
 }
 

@@ -168,8 +168,7 @@ mod tests {
             camera_mm: [0.0, 0.0, 150.0],
             light_mm: [0.0, 0.0, 150.0],
             falloff: Falloff::InverseSquare { power_mm2: [7e4; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let mut radiance = vec![0.0; 3 * SIDE * SIDE];
         render(&truth, &view, &mut radiance);

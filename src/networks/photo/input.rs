@@ -117,8 +117,7 @@ mod tests {
             camera_mm: [5.0, -2.5, 30.0],
             light_mm: [-5.0, 2.5, 20.0],
             falloff: Falloff::InverseSquare { power_mm2: [1000.0, 2000.0, 0.0] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one is unseen.
         let radiance = [0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2];

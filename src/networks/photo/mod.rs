@@ -79,8 +79,7 @@ mod tests {
                 camera_mm: [sign * 30.0, sign * -12.0, 90.0],
                 light_mm: [sign * 17.0, sign * 25.0, 80.0],
                 falloff: Falloff::InverseSquare { power_mm2: [2e4; 3] },
-                ambient: [0.0; 3],
-                mirrored: 1.0,
+                ..View::default()
             };
             let photograph = Observation::new(w, h, view, radiance, &vec![1.0; w * h]).unwrap();
             network.maps(&photograph).unwrap().planes().to_vec()

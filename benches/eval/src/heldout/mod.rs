@@ -280,8 +280,7 @@ fn rectified(file: &PhotoFile, sample_mm: [f32; 2], falloff: Falloff) -> Result<
         camera_mm: place.camera_mm,
         light_mm: place.light_mm,
         falloff,
-        ambient: [0.0; 3],
-        mirrored: 1.0,
+        ..View::default()
     };
     let observation = from_rectified(&file.read()?, view, SIDE, SIDE)
         .map_err(|e| Error::Image { path: file.path.clone(), message: e.to_string() })?;

@@ -145,8 +145,7 @@ mod tests {
             camera_mm: [0.0, 0.0, 200.0],
             light_mm: [0.0, 0.0, 200.0],
             falloff: Falloff::None { power: [1.0; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         HeldOut { view, exposure: 2.0, observed, side, seen: None }
     }

@@ -41,8 +41,7 @@ pub fn held_out(folder: &Path, capture: &Capture) -> Result<Option<Vec<(usize, H
             camera_mm: position(&path, &field("camera_mm"), &frame["camera_mm"])?,
             light_mm: position(&path, &field("light_mm"), &frame["light_mm"])?,
             falloff: Falloff::InverseSquare { power_mm2: [power; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
+            ..View::default()
         };
         let exposure = number(&path, &field("exposure"), &frame["exposure"])? as f32;
         held_out.push((i, photograph(&folder.join(relative), view, exposure)?));

@@ -86,7 +86,7 @@ def fit(
     ``sample_mm`` is by default a square that the board's hole holds with 5 mm to spare, and ``camera`` and
     ``flash_offset_mm`` are estimated unless given. ``photos`` uses the first ones only, ``steps`` limits the optimisers' steps on each photograph.
 
-    ``on_progress`` is called several times a second. What it raises ends the fit, and so does Ctrl-C.
+    ``on_progress`` is called several times a second. Ctrl-C, or an exception in it, ends the fit.
 
     Raises ``RejectedError`` when no photograph can be used. Others are left out; ``Maps.photos`` says why.
 

@@ -25,6 +25,8 @@ public struct Rejection: RawRepresentable, Hashable, Sendable {
     public static let boardDiffers = Self(rawValue: UInt32(SVBRDF_REJECTION_BOARD_DIFFERS))
     public static let otherCamera = Self(rawValue: UInt32(SVBRDF_REJECTION_OTHER_CAMERA))
     public static let squaresTooSmall = Self(rawValue: UInt32(SVBRDF_REJECTION_SQUARES_TOO_SMALL))
+    public static let flickers = Self(rawValue: UInt32(SVBRDF_REJECTION_FLICKERS))
+    public static let edited = Self(rawValue: UInt32(SVBRDF_REJECTION_EDITED))
 }
 
 /// Hints about an accepted photo.
@@ -91,6 +93,10 @@ public struct Measure: RawRepresentable, Hashable, Sendable {
     public static let focalRatio = Self(rawValue: UInt32(SVBRDF_MEASURE_FOCAL_RATIO))
     /// Side of the board's squares; the limit is the side needed.
     public static let squarePixels = Self(rawValue: UInt32(SVBRDF_MEASURE_SQUARE_PX))
+    /// Relative amplitude of the stripes.
+    public static let stripes = Self(rawValue: UInt32(SVBRDF_MEASURE_STRIPES))
+    /// Value of the black squares over that of white; the limit is the ratio as printed.
+    public static let overWhite = Self(rawValue: UInt32(SVBRDF_MEASURE_OVER_WHITE))
 }
 
 /// The value that led to a rejection.

@@ -179,7 +179,13 @@ enum class Measure(internal val code: Int) {
     FOCAL_RATIO(8),
 
     /** Side of the board's squares, px; the limit is the side needed. */
-    SQUARE_PX(9);
+    SQUARE_PX(9),
+
+    /** Relative amplitude of the stripes. */
+    STRIPES(10),
+
+    /** Value of the black squares over that of white; the limit is the ratio as printed. */
+    OVER_WHITE(11);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
@@ -281,7 +287,9 @@ enum class Rejection(internal val code: Int) {
     PLACEMENT_AMBIGUOUS(13),
     BOARD_DIFFERS(14),
     OTHER_CAMERA(15),
-    SQUARES_TOO_SMALL(16);
+    SQUARES_TOO_SMALL(16),
+    FLICKERS(17),
+    EDITED(18);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
