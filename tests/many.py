@@ -66,6 +66,7 @@ def one_is_killed(captures, out):
     for name, row in rows.items():
         assert row["status"] == "done" and row["used"] == row["photographs"] == 3, row
         assert 0 < row["deviation_roughness"] < 1 and row["seconds"] > 0, row
+        assert row["deviation_coat"] is None, "the example has no coat"
         assert (out / name / "maps.exr").is_file()
     # The worker that takes the place of the killed one is among them, or the others have done its captures.
     assert len({row["process"] for row in rows.values()} - set(killed)) >= 2
