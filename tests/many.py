@@ -104,6 +104,8 @@ def in_a_store(captures, expected):
 
 
 def main():
+    # Shells start background jobs with Ctrl-C ignored, and the example would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     svbrdf, work = sys.argv[1], pathlib.Path(sys.argv[2])
     captures, out = work / "captures", work / "maps"
     for i in range(COUNT):
