@@ -8,12 +8,19 @@
 # system/, and, from Android 10 on, `adb pull /apex/com.android.runtime` as apex/com.android.runtime/.
 # SVBRDF_BUILT=FOLDER: libraries that were built before, in arm64-v8a/ and x86_64/. Else cargo-ndk builds them.
 #
+# Without ANDROID_NDK_HOME: the newest NDK that Debian's google-android-ndk-*-installer (contrib) has put into place.
+#
 # Needs root (it changes the root folder of the programs), readelf, libjpeg-turbo-progs, and for arm64 qemu-user-static.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 skip() { echo "SKIPPED: $*"; }
+if [ -z "${ANDROID_NDK_HOME:-}" ]; then
+  installed=$(find /usr/lib/android-sdk/ndk* -maxdepth 2 -name toolchains -printf '%h\n' 2>/dev/null || true)
+  ANDROID_NDK_HOME=$(sort -V <<< "$installed" | tail -n 1)
+  export ANDROID_NDK_HOME
+fi
 if [ -z "${SVBRDF_BIONIC:-}" ] || [ ! -d "${ANDROID_NDK_HOME:-}" ]; then
-  skip "Android's C library; SVBRDF_BIONIC or ANDROID_NDK_HOME is not set"
+  skip "Android's C library; SVBRDF_BIONIC is not set, or there is no NDK"
   exit 0
 fi
 [ "$(id -u)" = 0 ] || { echo "tests/bionic.sh needs root" >&2; exit 1; }

@@ -131,7 +131,9 @@ def write_table(out: Place, rows: list[Row]) -> None:
 
     texts, counts = ["capture", "status", "message"], ["photographs", "used", "process"]
     numbers = ["largest_reprojection_rms_px", "seconds"]
-    numbers += [f"deviation_{kind}" for kind in ("normal", "diffuse", "specular", "roughness")]
+    # Those of the optional lobes are empty where the material has none.
+    kinds = ("normal", "diffuse", "specular", "roughness", "anisotropy", "coat", "sheen")
+    numbers += [f"deviation_{kind}" for kind in kinds]
     schema = pa.schema(
         [(key, pa.string()) for key in texts]
         + [(key, pa.int64()) for key in counts]
