@@ -198,9 +198,19 @@ fn coloured(
     }
 }
 
+/// Whether a picture has no colours: one channel, or three equal ones, as black-and-white filters of phones write.
 fn is_gray(picture: &Picture) -> bool {
-    use image::ColorType::{L8, L16, La8, La16};
-    matches!(picture.image.color(), L8 | La8 | L16 | La16)
+    use image::DynamicImage::{ImageRgb8, ImageRgb16, ImageRgba8, ImageRgba16};
+    fn equal<'a, T: PartialEq + 'a>(mut pixels: impl Iterator<Item = &'a [T]>) -> bool {
+        pixels.all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
+    }
+    match &picture.image {
+        ImageRgb8(image) => equal(image.as_raw().chunks_exact(3)),
+        ImageRgba8(image) => equal(image.as_raw().chunks_exact(4)),
+        ImageRgb16(image) => equal(image.as_raw().chunks_exact(3)),
+        ImageRgba16(image) => equal(image.as_raw().chunks_exact(4)),
+        image => !image.color().has_color(),
+    }
 }
 
 /// Smallest stored value that counts as clipped; `None` for floats.
