@@ -201,14 +201,14 @@ fn coloured(
 /// Whether a picture has no colours: one channel, or three equal ones, as black-and-white filters of phones write.
 fn is_gray(picture: &Picture) -> bool {
     use image::DynamicImage::{ImageRgb8, ImageRgb16, ImageRgba8, ImageRgba16};
-    fn equal<'a, T: PartialEq + 'a>(mut pixels: impl Iterator<Item = &'a [T]>) -> bool {
-        pixels.all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
+    fn equal<const N: usize, T: PartialEq>(values: &[T]) -> bool {
+        values.as_chunks::<N>().0.iter().all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
     }
     match &picture.image {
-        ImageRgb8(image) => equal(image.as_raw().chunks_exact(3)),
-        ImageRgba8(image) => equal(image.as_raw().chunks_exact(4)),
-        ImageRgb16(image) => equal(image.as_raw().chunks_exact(3)),
-        ImageRgba16(image) => equal(image.as_raw().chunks_exact(4)),
+        ImageRgb8(image) => equal::<3, _>(image.as_raw()),
+        ImageRgba8(image) => equal::<4, _>(image.as_raw()),
+        ImageRgb16(image) => equal::<3, _>(image.as_raw()),
+        ImageRgba16(image) => equal::<4, _>(image.as_raw()),
         image => !image.color().has_color(),
     }
 }
