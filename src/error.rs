@@ -138,7 +138,7 @@ pub enum Rejection {
     BoardNotFound,
     /// Too little of the target is visible for a reliable pose.
     #[error(
-        "only {found} of {expected} board corners were found, {needed} are needed: show more of the board"
+        "only {found} of {expected} board corners were found, {needed} are needed: show more of the board; if all of it is there, is it cut, creased or another one?"
     )]
     TooFewCorners {
         /// Corners found.
@@ -161,7 +161,7 @@ pub enum Rejection {
     BoardDiffers(BoardDifference),
     /// The corners do not fit the given camera, but one with another focal length.
     #[error(
-        "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom, or cropped?"
+        "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom, or cropped, or is the board cut?"
     )]
     OtherCamera {
         /// Fitted focal length over that of the camera.
@@ -223,7 +223,9 @@ pub enum Rejection {
         share: f32,
     },
     /// The flash is missing: the white squares show no fall-off, or the light is behind the sample.
-    #[error("the flash does not light the board: switch it on")]
+    #[error(
+        "the flash does not light the board, or other light outshines it: switch it on, and other lights off"
+    )]
     LightNotVisible,
     /// Bright and dark stripes run along the rows or columns of the photograph.
     #[error(

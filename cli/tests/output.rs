@@ -222,6 +222,7 @@ fn names_of_the_wrong_kind_are_told() {
     for (arguments, expected) in [
         (vec!["fit", source, "--out", file], "a folder"),
         (vec!["export", source, "--format", "glb", "--out", file], "a folder"),
+        (vec!["simulate", source, "--out", file], "a folder"),
         ([&["render", source][..], &position, &[folder]].concat(), "the name of a file"),
         (vec!["board", "--out", folder], "the name of a file"),
         (vec!["calibrate", folder, "--board", "ring"], "expected photographs"),

@@ -109,6 +109,10 @@ const SHARPEST: usize = 3;
 /// others are sharp, since stripes have no edges along them.
 const SOFT_PX: f32 = 3.0;
 const SMEARED_PX: f32 = 9.0;
+/// The latter if no edge is quite sharp, as after a movement along none of the board's directions, and the spread of
+/// such an edge.
+const SMEARED_ALL_PX: f32 = 4.2;
+const NOT_SHARP_PX: f32 = 2.0;
 /// Directions in which a hand may have moved.
 const DIRECTIONS: usize = 8;
 
@@ -157,14 +161,15 @@ pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> 
         spreads.sort_by(f32::total_cmp);
         spreads.get(SHARPEST).copied()
     };
-    let blur_px = sharpest(0)?;
-    if blur_px > SOFT_PX {
-        return Some(Rejection::Blurred { blur_px, direction_deg: None });
+    let sharp_px = sharpest(0)?;
+    if sharp_px > SOFT_PX {
+        return Some(Rejection::Blurred { blur_px: sharp_px, direction_deg: None });
     }
     let across = (0..DIRECTIONS).filter_map(|k| Some((sharpest(k + 1)?, angle(k).to_degrees())));
     let (blur_px, degrees) = across.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let direction_deg = Some(degrees);
-    (blur_px > SMEARED_PX).then_some(Rejection::Blurred { blur_px, direction_deg })
+    let limit = if sharp_px > NOT_SHARP_PX { SMEARED_ALL_PX } else { SMEARED_PX };
+    (blur_px > limit).then_some(Rejection::Blurred { blur_px, direction_deg })
 }
 
 /// Exposure fault that hides the board: nearly everything black, or most of it saturated.
@@ -266,6 +271,12 @@ mod tests {
             assert!((said - degrees).abs() < 12.0, "{said} {degrees}");
             assert_eq!(too_soft_to_find(&smeared(degrees, 1.0), &why), None, "{degrees}");
         }
+        // Oblique to the edges, with noise that looks like edges.
+        let oblique = smeared(33.0, 25.0);
+        let noise = |i: usize| ((i * 7919 % 1000) as f32 / 1000.0 - 0.5) * 0.1;
+        let data = oblique.data.iter().enumerate().map(|(i, v)| v + noise(i)).collect();
+        let said = too_soft_to_find(&LumaImage { data, ..oblique }, &why);
+        assert!(matches!(said, Some(Rejection::Blurred { .. })), "{said:?}");
         // The picture has no contrast.
         assert_eq!(too_soft_to_find(&picture(6.0, 0.1), &why), None);
         assert_eq!(too_soft_to_find(&picture(9.0, 0.6), &Rejection::NotFinite), None);

@@ -69,30 +69,35 @@ impl CameraKey {
         }
     }
 
-    /// Difference of another photograph's camera from this one, the camera of most photographs, as
-    /// the end of a sentence. Unknown values never differ.
+    /// Difference of another photograph's camera from this one, the camera of most photographs, and a
+    /// remedy, as the end of a sentence. Unknown values never differ.
     pub fn difference(&self, other: &Self) -> Option<String> {
         // "Google" and "google" are the same maker.
         let differs = |a: &Option<String>, b: &Option<String>| {
             a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| !a.eq_ignore_ascii_case(b))
         };
         if differs(&self.make, &other.make) || differs(&self.model, &other.model) {
-            return Some(format!("taken with {}, most with {}", other.name(), self.name()));
+            let (its, mine) = (other.name(), self.name());
+            return Some(format!("taken with {its}, most with {mine}; use one camera"));
         }
         let focal = self.focal_mm.zip(other.focal_mm);
         if differs(&self.lens, &other.lens)
             || focal.is_some_and(|(a, b)| (a - b).abs() > SAME_FOCAL * a.max(b))
         {
-            return Some(format!("another lens: {}, most {}", other.lens(), self.lens()));
+            let (its, mine) = (other.lens(), self.lens());
+            return Some(format!("another lens: {its}, most {mine}; keep to one lens"));
         }
         if let Some(difference) = self.other_crop(other) {
             return Some(difference);
         }
         let (mine, its) = self.size.zip(other.size)?;
         let size = |[w, h]: [u32; 2]| format!("{w} x {h} px");
-        let turned = mine == [its[1], its[0]];
-        let held = if turned { " (the camera was held the other way)" } else { "" };
-        (mine != its).then(|| format!("{}, most {}{held}", size(its), size(mine)))
+        let remedy = if mine == [its[1], its[0]] {
+            "its pixels were turned by 90 degrees without a tag: turn them back, or use the file as the camera wrote it"
+        } else {
+            "set the camera to one size; if only the size differs, scale the photo to that of the others"
+        };
+        (mine != its).then(|| format!("{}, most {}; {remedy}", size(its), size(mine)))
     }
 
     /// Difference in digital zoom with the same lens; the size does not reveal it.
@@ -104,11 +109,14 @@ impl CameraKey {
             zoom => format!("{zoom:.2} times"),
         };
         if differ(mine, its) {
-            return Some(format!("digital zoom: {}, most {}", zoomed(its), zoomed(mine)));
+            let (its, mine) = (zoomed(its), zoomed(mine));
+            return Some(format!("digital zoom: {its}, most {mine}; keep the zoom"));
         }
         let (mine, its) = self.focal_35mm.zip(other.focal_35mm)?;
         differ(mine, its).then(|| {
-            format!("another field of view: {its:.0} mm on film of 36 x 24 mm, most {mine:.0} mm")
+            format!(
+                "another field of view: {its:.0} mm on film of 36 x 24 mm, most {mine:.0} mm; keep the zoom"
+            )
         })
     }
 
@@ -295,7 +303,7 @@ mod tests {
             choice.chosen.iter().map(|c| (c.path.to_str().unwrap(), c.exposure)).collect();
         // Relative to the first selected photograph.
         assert_eq!(kept, [("1", 1.0), ("2", 2.0), ("3", 0.5)]);
-        assert_eq!(choice.left_out[0].reason, "taken with A, most with B");
+        assert_eq!(choice.left_out[0].reason, "taken with A, most with B; use one camera");
         assert_eq!(choice.left_out.len(), 1);
     }
 
@@ -309,7 +317,7 @@ mod tests {
         let known = CameraKey::of(&with("Google"));
         assert_eq!(known.difference(&CameraKey::of(&with("google"))), None);
         let said = known.difference(&CameraKey::of(&with("Other"))).unwrap();
-        assert_eq!(said, "taken with Other Google Pixel, most with Google Pixel");
+        assert_eq!(said, "taken with Other Google Pixel, most with Google Pixel; use one camera");
         assert_eq!(CameraKey::of(&with("google")).name(), "Google Pixel");
     }
 
@@ -346,10 +354,12 @@ mod tests {
         assert_eq!(difference(plain(), with(None, None)), None);
         assert_eq!(difference(plain(), with(None, Some(27.0))), None);
         let said = difference(plain(), with(Some(1.3), Some(35.0))).unwrap();
-        assert_eq!(said, "digital zoom: 1.30 times, most none");
+        assert_eq!(said, "digital zoom: 1.30 times, most none; keep the zoom");
         // Some phones state only the field of view.
         let said = difference(with(None, Some(26.0)), with(None, Some(52.0))).unwrap();
-        assert_eq!(said, "another field of view: 52 mm on film of 36 x 24 mm, most 26 mm");
+        assert!(
+            said.starts_with("another field of view: 52 mm on film of 36 x 24 mm, most 26 mm;")
+        );
         assert!(difference(with(Some(2.0), None), with(None, None)).is_some());
         let mut shots = vec![(with(Some(1.3), Some(35.0)), "zoomed".into())];
         shots.extend(["a", "b"].map(|name| (plain(), name.into())));
@@ -369,7 +379,9 @@ mod tests {
         let difference = |focal, size| camera.difference(&CameraKey::of(&with(focal, size)));
         assert_eq!(difference(6.9, [40, 30]), None);
         assert!(difference(2.22, [40, 30]).unwrap().contains("another lens: 2.22 mm"));
-        assert!(difference(6.86, [80, 60]).unwrap().contains("80 x 60 px, most 40 x 30 px"));
-        assert!(difference(6.86, [30, 40]).unwrap().contains("held the other way"));
+        let said = difference(6.86, [80, 60]).unwrap();
+        assert!(said.contains("80 x 60 px, most 40 x 30 px; set the camera to one size"), "{said}");
+        let said = difference(6.86, [30, 40]).unwrap();
+        assert!(said.contains("turned by 90 degrees") && said.contains("turn them back"), "{said}");
     }
 }

@@ -198,9 +198,19 @@ fn coloured(
     }
 }
 
+/// Whether a picture has no colours: one channel, or three equal ones, as black-and-white filters of phones write.
 fn is_gray(picture: &Picture) -> bool {
-    use image::ColorType::{L8, L16, La8, La16};
-    matches!(picture.image.color(), L8 | La8 | L16 | La16)
+    use image::DynamicImage::{ImageRgb8, ImageRgb16, ImageRgba8, ImageRgba16};
+    fn equal<const N: usize, T: PartialEq>(values: &[T]) -> bool {
+        values.as_chunks::<N>().0.iter().all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2])
+    }
+    match &picture.image {
+        ImageRgb8(image) => equal::<3, _>(image.as_raw()),
+        ImageRgba8(image) => equal::<4, _>(image.as_raw()),
+        ImageRgb16(image) => equal::<3, _>(image.as_raw()),
+        ImageRgba16(image) => equal::<4, _>(image.as_raw()),
+        image => !image.color().has_color(),
+    }
 }
 
 /// Smallest stored value that counts as clipped; `None` for floats.

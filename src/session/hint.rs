@@ -78,8 +78,9 @@ pub enum Hint {
     },
     /// The camera has applied local tone mapping.
     #[error(
-        "places with bright surroundings are darkened (exponent {exponent:.2}): the camera has tone-mapped the photo \
-         place by place; turn HDR and night modes off"
+        "places with bright surroundings are {} (exponent {exponent:.2}): the camera has tone-mapped the photo \
+         place by place; turn HDR and night modes off",
+        if *exponent < 0.0 { "brightened" } else { "darkened" }
     )]
     LocalTone {
         /// Exponent of the surroundings' brightness.
@@ -183,7 +184,7 @@ pub enum Hint {
     },
     /// Highlights are saturated in all photographs that see them.
     #[error(
-        "the highlights are saturated ({:.0} % of the sample has no photo that shows its peak): specular albedo and \
+        "the highlights are saturated ({:.1} % of the sample has no photo that shows its peak): specular albedo and \
          roughness are not to be trusted there; add a photo two or three stops darker",
         share * 100.0
     )]

@@ -31,6 +31,7 @@ use self::sensor::{Picture, file};
 use self::surface::Surface;
 use self::tone::Tone;
 use crate::failure::{Failure, Result};
+use crate::place;
 use crate::render::sample_size;
 
 /// Longer side of the sample, mm.
@@ -131,6 +132,7 @@ impl Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.check()?;
+    place::folder("--out", &arguments.out)?;
     let maps = read_maps(&arguments.maps).map_err(Failure::input)?;
     let out = &arguments.out;
     for dir in ["", "frames", "truth"] {

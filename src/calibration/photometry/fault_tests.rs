@@ -121,7 +121,8 @@ fn a_veil_is_neither_a_tone_curve_nor_room_light() {
             }
             Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0).unwrap()
         };
-        let (known, _) = calibrated(|_| Truth::new(), veiled);
+        let (known, found) = calibrated(|_| Truth::new(), veiled);
+        assert_eq!(found.lit_places, None);
         assert!(known.tone.is_identity() && known.ambient.iter().all(|v| *v < 0.01), "{known:?}");
         assert!((known.veil - f64::from(share)).abs() < 0.01, "{} {share}", known.veil);
     }
@@ -160,7 +161,7 @@ fn local_tone_mapping_is_neither_a_tone_curve_nor_room_light() {
             let mapped = |_: usize, photo: &Photo| locally_mapped(photo, scale, exponent);
             let (known, found) = calibrated(|_| Truth::new(), mapped);
             let what = format!("{scale} {exponent}: {known:?}");
-            assert_eq!(found.stands_still, None, "{what}");
+            assert_eq!((found.stands_still, found.lit_places), (None, None), "{what}");
             assert!(known.tone.is_identity() && known.ambient.iter().all(|v| *v < 0.05), "{what}");
             assert!((known.local_tone / f64::from(exponent) - 1.0).abs() < 0.4, "{what}");
         }
@@ -250,15 +251,17 @@ fn a_fixed_light_is_found() {
 }
 
 /// Sun on a part of the board, and of the sample beside it, in every photograph: on whole squares,
-/// on parts of squares, and saturated.
+/// on parts of squares, saturated, and in a narrow stripe across the grid.
 #[test]
 fn light_on_a_part_of_the_board_is_found() {
-    for (from, to, sun, full) in [
-        (20.0, 45.0, 0.4, 9.0),
-        (-70.0, -30.0, 0.15, 9.0),
-        (29.0, 40.0, 0.4, 9.0),
-        (20.0, 45.0, 2.0, 0.95),
+    for (from, to, slope, sun, full) in [
+        (20.0, 45.0, 0.0, 0.4, 9.0),
+        (-70.0, -30.0, 0.0, 0.15, 9.0),
+        (29.0, 40.0, 0.0, 0.4, 9.0),
+        (20.0, 45.0, 0.0, 2.0, 0.95),
+        (29.0, 35.0, 0.18, 1.0, 9.0),
     ] {
+        let across = |p: glam::DVec2| p.x + slope * p.y;
         let lit = |i: usize, photo: &Photo| {
             let (pose, camera) = (many()[i], camera());
             let eye = pose.camera_centre();
@@ -266,7 +269,7 @@ fn light_on_a_part_of_the_board_is_found() {
             for k in 0..rgb.len() / 3 {
                 let px = glam::DVec2::new((k % w) as f64, (k / w) as f64);
                 let ray = pose.rotation.transpose() * camera.undistort(px).extend(1.0);
-                let x = (eye - ray * (eye.z / ray.z)).x;
+                let x = across((eye - ray * (eye.z / ray.z)).truncate());
                 // Relative to the surface's own colour; the flash is stronger near the camera.
                 let flash = (250.0 / eye.length()).powi(2);
                 if from < x && x < to {
@@ -278,8 +281,41 @@ fn light_on_a_part_of_the_board_is_found() {
         };
         let (_, found) = calibrated(|_| Truth::new(), lit);
         let place = found.lit_places.unwrap_or_else(|| panic!("{from} to {to}: {found:?}"));
-        assert!(from < place.board_mm.x && place.board_mm.x < to, "{place:?}");
+        // Squares are wider than the narrow stripe.
+        let off = 0.5 * target().square_mm;
+        let x = across(place.board_mm);
+        assert!(from - off < x && x < to + off, "{place:?}");
         assert!(place.ratio > 1.08 && place.share < 0.4, "{place:?}");
+    }
+}
+
+/// A lamp beside the flash is neither local tone mapping nor a veil, and is named with its brightness.
+#[test]
+fn a_lamp_beside_the_flash_is_found() {
+    for (lamp, share) in
+        [(DVec3::new(300.0, -100.0, 500.0), 0.4), (DVec3::new(-150.0, 200.0, 300.0), 0.15)]
+    {
+        let of = |pose: &Pose| {
+            let scale = Truth::new().scale.map(|v| v * share * (lamp.length() / 250.0).powi(2));
+            let other = Truth { offset: pose.transform(lamp), lobe: 0.0, scale, ..Truth::new() };
+            other.photo(pose, 0.7)
+        };
+        let with = |i: usize, photo: &Photo| {
+            let sum = photo.to_linear().into_iter().zip(of(&many()[i]).to_linear());
+            let sum = sum.map(|(a, b)| a + b).collect();
+            Photo::from_linear(photo.width(), photo.height(), sum, photo.exposure(), 9.0).unwrap()
+        };
+        let (known, found) = calibrated(|_| Truth::new(), with);
+        let places = found.lit_places.unwrap_or_else(|| panic!("{lamp} {share}: {known:?}"));
+        // A weak lamp is named by its brightest squares.
+        if !places.smooth && share < 0.2 {
+            assert!(places.ratio > 1.05, "{lamp} {share}: {places:?}");
+            continue;
+        }
+        assert!(places.smooth && places.share > 0.5, "{lamp} {share}: {places:?}");
+        // The lamp's height over its distance, and the flash's fall-off, change the ratio.
+        assert!((places.ratio - 1.0).abs() > 0.4 * share, "{lamp} {share}: {places:?}");
+        assert!(places.ratio - 1.0 < 2.0 * share, "{lamp} {share}: {places:?}");
     }
 }
 

@@ -28,11 +28,13 @@
 mod examination;
 mod exposure;
 mod fit;
+mod lamp;
 mod light;
 mod lobe;
 mod model;
 mod patches;
 mod radiometry;
+mod residuals;
 mod squares;
 mod turned;
 
@@ -46,7 +48,8 @@ use crate::photo::{Photo, Surround};
 use light::Light;
 use model::{Ink, Problem, Sample, Shot};
 
-pub(crate) use examination::{Examination, LitPlaces, examine};
+pub(crate) use examination::{Examination, examine};
+pub(crate) use lamp::LitPlaces;
 pub use lobe::Lobe;
 pub use radiometry::{Photometry, Radiometry, Vignetting};
 pub(crate) use squares::edited;

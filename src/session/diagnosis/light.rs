@@ -58,13 +58,14 @@ fn of_all(board: &Board, known: &Photometry, found: &Examination) -> Vec<Hint> {
         .then_some(Hint::Veiled { share: known.veil as f32 });
     // A fixed light also explains lit places.
     let lit = found.lit_places.filter(|_| stays.is_none());
-    let lit = lit.map(|LitPlaces { share, ratio, board_mm }| Hint::OtherLight {
+    let lit = lit.map(|LitPlaces { share, ratio, board_mm, .. }| Hint::OtherLight {
         share: share as f32,
         ratio: ratio as f32,
         centre: [(0.5 + board_mm.x / width) as f32, (0.5 - board_mm.y / height) as f32],
     });
-    // Glare resembles local tone mapping.
-    let local = known.local_tone.abs() > LOCAL && found.glare.is_none();
+    // Glare and lamps resemble local tone mapping.
+    let lamp = stays.is_some() || found.lit_places.is_some_and(|places| places.smooth);
+    let local = known.local_tone.abs() > LOCAL && found.glare.is_none() && !lamp;
     let local = local.then_some(Hint::LocalTone { exponent: known.local_tone as f32 });
     veil.into_iter().chain(local).chain(stays).chain(lit).chain(glare).collect()
 }

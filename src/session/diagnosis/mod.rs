@@ -37,6 +37,7 @@ pub(super) fn of_capture(
     let board = capture.board();
     if board.is_some() {
         geometry::of_capture(capture, &mut all);
+        drop_seeming(&mut all);
     }
     let group = board.and_then(|_| groups::find(photographs));
     let lost = maps.and_then(|maps| LostHighlights::find(maps, photographs));
@@ -45,6 +46,16 @@ pub(super) fn of_capture(
     }
     fits::tell(board, maps, photographs, fits, group, &mut all);
     all
+}
+
+/// Drops hints about light if the geometry is wrong: squares in wrong places look locally tone-mapped, or brighter than
+/// they are.
+fn drop_seeming(all: &mut [Vec<Hint>]) {
+    let is_geometric = |hint: &Hint| matches!(hint, Hint::Cropped { .. } | Hint::BoardBent { .. });
+    let is_seeming = |hint: &Hint| matches!(hint, Hint::LocalTone { .. } | Hint::Exposure { .. });
+    if all.iter().flatten().any(is_geometric) {
+        all.iter_mut().for_each(|hints| hints.retain(|hint| !is_seeming(hint)));
+    }
 }
 
 fn of_board(board: &Board) -> Vec<Vec<Hint>> {

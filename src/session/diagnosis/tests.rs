@@ -291,3 +291,18 @@ fn a_highlight_that_is_missing_is_no_contradiction() {
     assert!(!is_told(0.11, 0.97));
     assert!(is_told(1.5, 0.97) && is_told(0.5, 0.3) && is_told(0.11, 0.5));
 }
+
+/// A cut board was also called eight times as bright as stated.
+#[test]
+fn a_wrong_geometry_is_named_alone() {
+    let (bright, bent) = (Hint::Exposure { ratio: 8.7 }, Hint::BoardBent { mm: 0.7, share: 0.2 });
+    let local = Hint::LocalTone { exponent: 0.1 };
+    let kept = |hints: &[Vec<Hint>]| {
+        let mut all = hints.to_vec();
+        super::drop_seeming(&mut all);
+        all
+    };
+    let light = vec![vec![bright], vec![local]];
+    assert_eq!(kept(&light), light);
+    assert_eq!(kept(&[vec![bright, bent], vec![local, bent]]), [vec![bent], vec![bent]]);
+}
