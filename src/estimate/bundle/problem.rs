@@ -24,8 +24,6 @@ pub(in crate::estimate) struct Groups {
     pub range: [f64; 2],
     /// Share of each texel in each group, texel by texel.
     pub shares: Vec<f32>,
-    /// Where a descent starts.
-    pub start: Vec<Coordinates>,
     /// Each group's prior mean, and its precision.
     pub mean: Vec<Coordinates>,
     pub precision: Vec<Coordinates>,
@@ -47,11 +45,11 @@ pub(in crate::estimate) struct Problem {
 }
 
 impl Problem {
-    /// The prior means of texels and optional lobes, the start of groups, and this correction.
+    /// The prior means of texels, groups and optional lobes, and this correction.
     pub fn start(&self, correction: Correction) -> State {
         let deviations = vec![[0.0; CHANNELS]; self.sample.texels()];
         let mut state =
-            State { deviations, groups: self.groups.start.clone(), correction, lobes: None };
+            State { deviations, groups: self.groups.mean.clone(), correction, lobes: None };
         for shared in &self.shared {
             use Parameter::{Anisotropy, Coat, Sheen};
             if matches!(shared.parameter, Anisotropy(..) | Coat(_) | Sheen(_)) {

@@ -82,7 +82,6 @@ fn problem() -> (Problem, State) {
             coordinates: channel::SPECULAR..CHANNELS,
             range: [-1.0, 1.0],
             shares: shares.map(|s| s / texels as f32).collect(),
-            start: vec![[0.0; CHANNELS]; 2],
             mean: vec![[0.0; CHANNELS], [0.01; CHANNELS]],
             precision: vec![[50.0; CHANNELS], [40.0; CHANNELS]],
         },

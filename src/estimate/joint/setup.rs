@@ -105,9 +105,6 @@ pub(super) struct Setup {
     mean: Vec<Coordinates>,
     /// Prior means of the common gloss, then of each class's offset.
     means: Vec<Coordinates>,
-    /// The common gloss of the estimate, from which a descent starts: from a rough prior's mean, few steps would not
-    /// reach a polished material.
-    start: Coordinates,
     /// Anisotropy from which each of two directions starts.
     directions: Option<[[f64; 2]; 2]>,
 }
@@ -141,11 +138,7 @@ impl Setup {
         let [root, roughness] = options.gloss;
         let mut means = vec![[0.0; CHANNELS]; 1 + classes.len()];
         means[0][GLOSS].copy_from_slice(&[root, root, root, roughness]);
-        let mut start = means[0];
-        for c in GLOSS {
-            start[c] = estimate.iter().map(|x| x[c]).sum::<f64>() / estimate.len().max(1) as f64;
-        }
-        Self { mean: mean.collect(), classes, shares, means, start, directions: None }
+        Self { mean: mean.collect(), classes, shares, means, directions: None }
     }
 
     /// Takes the means from an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share
@@ -164,7 +157,6 @@ impl Setup {
             mean.iter_mut().for_each(|m| *m /= total);
         }
         let of_all = self.means[0];
-        self.start = of_all;
         for mean in &mut self.means[1..] {
             GLOSS.for_each(|c| mean[c] -= of_all[c]);
         }
@@ -226,7 +218,6 @@ impl Setup {
                 coordinates: GLOSS,
                 range: [-1.0, 1.0],
                 shares: self.shares,
-                start: std::iter::once(&self.start).chain(&self.means[1..]).copied().collect(),
                 mean: self.means,
                 precision,
             },
