@@ -107,7 +107,7 @@ fn a_subscriber_sees_photographs_and_the_phases_of_each_fit_in_order() {
         let events = seen.events.iter().filter(|(span, _)| of(span));
         events.filter_map(|(_, event)| value(event, "phase")).collect()
     };
-    assert_eq!(phases(1), ["latent", "relief"]);
+    assert_eq!(phases(1), ["latent", "texels"]);
     let all = ["latent", "relief", "choice", "joint", "texels"];
     assert_eq!(phases(3), all);
     // As the reports have it.
