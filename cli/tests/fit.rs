@@ -248,6 +248,6 @@ fn verbose_fits_say_what_they_did() {
     let debug = said(&["-vv"]);
     let at = |what: &str| debug.find(what).unwrap_or_else(|| panic!("{what} is not in {debug}"));
     let latent = at("DEBUG fit{photos=1}: phase ended phase=latent steps=");
-    assert!(at("INFO photo accepted") < latent && latent < at("phase=relief"), "{debug}");
+    assert!(at("INFO photo accepted") < latent && latent < at("phase=texels"), "{debug}");
     assert!(at("calibrated photos=1 focal_px=") < latent, "{debug}");
 }
