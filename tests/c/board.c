@@ -77,7 +77,7 @@ static void on_log(void *user, svbrdf_log_level level, const char *message)
         /* The fit's, of one photo: on the callback thread, one after the other. */
         counts *c = user;
         CHECK(level == SVBRDF_LOG_DEBUG && strstr(message, " milliseconds=") != NULL);
-        CHECK(strstr(message, c->phases == 0 ? " phase=latent " : " phase=relief ") != NULL);
+        CHECK(strstr(message, c->phases == 0 ? " phase=latent " : " phase=texels ") != NULL);
         count(&c->phases);
     }
     printf("log: %s\n", message);
