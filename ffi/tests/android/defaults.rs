@@ -89,9 +89,25 @@ fn the_defaults_of_the_binding_are_those_of_the_header() {
         ("image.rs", "primaries: SVBRDF_PRIMARIES_REC709,", "Photo.kt", "= Primaries.REC709"),
         ("image.rs", "bayer_pattern: SVBRDF_BAYER_RGGB,", "Photo.kt", "BayerPattern.RGGB"),
         ("image.rs", "white_level: 65535.0,", "Photo.kt", "FloatArray(4), 65535f"),
-        ("options/photo.rs", "exposure: 1.0,", "Photo.kt", "val exposure: Float = 1f,"),
-        ("options/photo.rs", "flash: SVBRDF_FLASH_UNKNOWN,", "Photo.kt", "Flash = Flash.UNKNOWN"),
-        ("options/photo.rs", "ambient_exposure: 0.0,", "Photo.kt", "ambientExposure: Float = 0f"),
+        // What it does not name is 0.
+        (
+            "options/photo.rs",
+            "defaults!(svbrdf_photo_info { exposure: 1.0 });",
+            "Photo.kt",
+            "val exposure: Float = 1f,",
+        ),
+        (
+            "options/photo.rs",
+            "SVBRDF_FLASH_UNKNOWN: svbrdf_flash = 0;",
+            "Photo.kt",
+            "= Flash.UNKNOWN",
+        ),
+        (
+            "options/photo.rs",
+            "pub ambient_exposure: f32,",
+            "Photo.kt",
+            "ambientExposure: Float = 0f",
+        ),
         ("options/fit.rs", "falloff: SVBRDF_FALLOFF_AUTO,", "ScanOptions.kt", "= Falloff.AUTO"),
         (
             "render.rs",
