@@ -62,7 +62,7 @@ pub struct MapsOptions<'a> {
     pub sample_mm: Option<[f32; 2]>,
     /// Standard deviations: in `maps.exr`, in the channels `deviation.normal` (of each slope),
     /// `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`; of optional
-    /// lobes in `deviation.anisotropy.cosine/sine` (of [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]),
+    /// lobes in `deviation.anisotropy.cosine/sine` (of `lobe::ANISOTROPY_X` and `lobe::ANISOTROPY_Y`),
     /// `deviation.coat.weight/roughness` and `deviation.sheen.R/G/B/roughness`.
     pub uncertainty: Option<&'a Uncertainty>,
 }
