@@ -147,7 +147,7 @@ fn kind(path: &Path) -> Option<Kind> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
     match Kind::of(&head)? {
-        // Only the whole file tells whether it is a maker's raw file.
+        // The directory that names the camera of a raw file may lie anywhere in the file.
         Kind::Tiff => Kind::of(&std::fs::read(path).ok()?),
         kind => Some(kind),
     }

@@ -48,13 +48,20 @@ pub(super) fn of_capture(
     all
 }
 
-/// Drops hints about light if the geometry is wrong: squares in wrong places look locally tone-mapped, or brighter than
-/// they are.
+/// Drops hints about light where the geometry is wrong: squares in wrong places look brighter than they are and, as one
+/// local tone mapping is estimated for all photographs, locally tone-mapped in all of them.
 fn drop_seeming(all: &mut [Vec<Hint>]) {
     let is_geometric = |hint: &Hint| matches!(hint, Hint::Cropped { .. } | Hint::BoardBent { .. });
-    let is_seeming = |hint: &Hint| matches!(hint, Hint::LocalTone { .. } | Hint::Exposure { .. });
-    if all.iter().flatten().any(is_geometric) {
-        all.iter_mut().for_each(|hints| hints.retain(|hint| !is_seeming(hint)));
+    if !all.iter().flatten().any(is_geometric) {
+        return;
+    }
+    for hints in all {
+        let wrong = hints.iter().any(is_geometric);
+        hints.retain(|hint| match hint {
+            Hint::LocalTone { .. } => false,
+            Hint::Exposure { .. } => !wrong,
+            _ => true,
+        });
     }
 }
 

@@ -305,4 +305,6 @@ fn a_wrong_geometry_is_named_alone() {
     let light = vec![vec![bright], vec![local]];
     assert_eq!(kept(&light), light);
     assert_eq!(kept(&[vec![bright, bent], vec![local, bent]]), [vec![bent], vec![bent]]);
+    // A photograph that is not cropped may have another exposure than is stated.
+    assert_eq!(kept(&[vec![bent], vec![bright, local]]), [vec![bent], vec![bright]]);
 }
