@@ -217,7 +217,6 @@ fn unsafe_code_stays_in_its_corners() {
     }
 }
 
-/// Writes a crate and reads it.
 /// The target is built with cargo-fuzz alone: no test compiles it.
 #[test]
 fn the_fuzz_target_of_c_calls_has_every_module_of_the_c_library() {
@@ -232,6 +231,7 @@ fn the_fuzz_target_of_c_calls_has_every_module_of_the_c_library() {
     assert_eq!(built, modules("ffi/src/lib.rs"));
 }
 
+/// Writes a crate and reads it.
 fn planted(files: &[(&str, &str)]) -> Crate {
     let dir = tempfile::tempdir().unwrap();
     for (name, text) in files {
